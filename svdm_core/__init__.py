@@ -1,0 +1,15 @@
+"""Stereo matching by the four stages of the horizontal-streak paper (Gan et al. 2024); no ROS in here."""
+from .matcher import DisparityResult, StereoMatcher
+from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
+from .presets import load_preset, preset_names
+
+__all__ = [
+    'DisparityResult',
+    'MatcherParameters',
+    'ParameterInfo',
+    'StereoMatcher',
+    'load_preset',
+    'parameter_info',
+    'parameter_table',
+    'preset_names',
+]

@@ -1,0 +1,172 @@
+"""The one table of matcher parameters: name, type, default, range, unit and meaning.
+
+The ROS parameter descriptors, the command line, the preset files and the README's table all come
+from `MatcherParameters`; nothing else states a default or a range.
+"""
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ParameterInfo:
+    """What is known of one parameter.
+
+    `minimum` and `maximum` are inclusive and None where the type has no range; `step` is the
+    distance between allowed values (0: any); `choices` lists the allowed strings.
+    """
+
+    name: str
+    default: bool | int | float | str
+    meaning: str
+    unit: str = ''
+    minimum: int | float | None = None
+    maximum: int | float | None = None
+    step: int = 0
+    choices: tuple[str, ...] = ()
+
+    @property
+    def type(self) -> type:
+        """bool, int, float or str."""
+        return type(self.default)
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values as a reader wants them: '1 to 1024', '1, 3, 5 ... 101', 'image | disparity'."""
+        if self.choices:
+            return ' | '.join(self.choices)
+        if self.type is bool:
+            return 'true | false'
+        if self.step > 1:
+            return f'{self.minimum}, {int(self.minimum or 0) + self.step} ... {self.maximum}'
+        return f'{self.minimum} to {self.maximum}'
+
+    def check(self, value: Any) -> bool | int | float | str:
+        """Return `value` in the parameter's own type, or raise ValueError naming parameter, value and what is allowed."""
+        converted = _converted(value, self.type)
+        if converted is None or not self._holds(converted):
+            unit = f' {self.unit}' if self.unit else ''
+            kind = {int: 'an integer, ', float: 'a number, '}.get(self.type, '')
+            raise ValueError(f'{self.name} = {value!r} is not allowed: it must be {kind}{self.allowed}{unit}')
+        return converted
+
+    def _holds(self, value: bool | int | float | str) -> bool:
+        if self.choices:
+            return value in self.choices
+        if isinstance(value, bool | str):
+            return True
+        if not math.isfinite(value) or self.minimum is None or self.maximum is None:
+            return False
+        on_step = self.step <= 1 or (value - self.minimum) % self.step == 0
+        return self.minimum <= value <= self.maximum and on_step
+
+
+def _converted(value: Any, wanted: type) -> Any:
+    """`value` as `wanted` where no meaning is lost (1 for 1.0, 31.0 for 31), else None."""
+    if wanted in (bool, str):
+        return value if isinstance(value, wanted) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        try:  # numpy scalars and the like
+            value = value.item()
+        except AttributeError:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+    if wanted is int:
+        return int(value) if math.isfinite(value) and value == int(value) else None
+    return float(value)
+
+
+def _parameter(default: bool | int | float | str, meaning: str, **info: Any) -> Any:
+    return dataclasses.field(default=default, metadata={'meaning': meaning, **info})
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class MatcherParameters:
+    """Every setting of the four stages; symbols are the paper's. Immutable: `replace` gives a changed copy.
+
+    Raises ValueError naming the parameter, its value and what is allowed.
+    """
+
+    min_disparity: int = _parameter(
+        0, 'smallest disparity searched', unit='px', minimum=0, maximum=1024)
+    num_disparities: int = _parameter(
+        64, 'number of disparities searched, from min_disparity up', unit='px', minimum=1, maximum=1024)
+    gradient: str = _parameter(
+        'horizontal', "gradient compared: signed x difference, halved, or the paper's magnitude (eq 5)",
+        choices=('horizontal', 'magnitude'))
+    alpha: float = _parameter(
+        10.7, 'weight of the gradient term against the absolute difference (eq 8)', minimum=0.0, maximum=1000.0)
+    tau_ad: float = _parameter(
+        7 / 255, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0)
+    tau_gm: float = _parameter(
+        2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0)
+    sigma_tree: float = _parameter(
+        0.1, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
+    d_y: int = _parameter(
+        255, 'tree edges heavier than this are cut (eq 10); 255 cuts none', unit='grey levels', minimum=0, maximum=255)
+    guide_blur: int = _parameter(
+        1, 'aperture of the median that smooths the image the tree is built on; 1 is off', unit='px',
+        minimum=1, maximum=5, step=2)
+    subpixel: bool = _parameter(
+        True, 'refine the winning disparity by the parabola through its neighbours')
+    tau_lr: float = _parameter(
+        1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0)
+    median_scope: str = _parameter(
+        'filled', 'pixels the weighted median replaces: those that failed the left-right check, or all (the paper)',
+        choices=('filled', 'all'))
+    median_guide: str = _parameter(
+        'image', 'what sigma_c compares (eq 17): the left image, or the disparity over num_disparities',
+        choices=('image', 'disparity'))
+    w_p: int = _parameter(
+        31, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
+    sigma_s: float = _parameter(
+        15.8, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
+    sigma_c: float = _parameter(
+        0.175, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0)
+
+    def __post_init__(self) -> None:
+        for info in parameter_table():
+            object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> MatcherParameters:
+        """Defaults with `values` on top. Raises ValueError for an unknown name or a value out of range."""
+        return cls().replace(**values)
+
+    def replace(self, **values: Any) -> MatcherParameters:
+        """A copy with `values` changed. Raises ValueError for an unknown name or a value out of range."""
+        for name in values:
+            parameter_info(name)
+        return dataclasses.replace(self, **values)
+
+    def as_dict(self) -> dict[str, bool | int | float | str]:
+        """Name -> value, in table order."""
+        return dataclasses.asdict(self)
+
+
+def _table() -> Iterator[ParameterInfo]:
+    for field in dataclasses.fields(MatcherParameters):
+        yield ParameterInfo(name=field.name, default=field.default, **field.metadata)
+
+
+_TABLE = tuple(_table())
+_BY_NAME = {info.name: info for info in _TABLE}
+
+
+def parameter_table() -> tuple[ParameterInfo, ...]:
+    """All parameters in the order of the stages."""
+    return _TABLE
+
+
+def parameter_info(name: str) -> ParameterInfo:
+    """The entry of one parameter; ValueError with the nearest names where there is none."""
+    if name in _BY_NAME:
+        return _BY_NAME[name]
+    near = difflib.get_close_matches(name, _BY_NAME, n=1)
+    hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(_BY_NAME)
+    raise ValueError(f'unknown parameter {name!r}: {hint}')

@@ -1,0 +1,57 @@
+"""Presets: named parameter sets, kept as ROS 2 parameter files that `--params-file` takes as they are."""
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .parameters import MatcherParameters
+
+
+def preset_folder() -> Path:
+    """The folder of the presets that come with the package: of the checkout, else of the installation prefix.
+
+    Raises FileNotFoundError naming the places where there is none.
+    """
+    package = Path(__file__).resolve().parent
+    places = [package.parent / 'config', *(up / 'share' / 'svdm_ros' / 'config' for up in package.parents)]
+    for place in places:
+        if (place / 'default.yaml').is_file():
+            return place
+    raise FileNotFoundError(f'the presets are not installed: no default.yaml in {places[0]} nor in share/svdm_ros/config')
+
+
+def preset_names() -> list[str]:
+    """The presets that come with the package."""
+    return sorted(path.stem for path in preset_folder().glob('*.yaml'))
+
+
+def load_preset(name_or_path: str | Path) -> MatcherParameters:
+    """Read a preset by name ('paper') or by file ('my.yaml').
+
+    Raises FileNotFoundError for an unknown name or a missing file, and ValueError naming file and reason
+    for anything in it that is not a set of matcher parameters.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in ('.yaml', '.yml'):
+        path = preset_folder() / f'{name_or_path}.yaml'
+        if not path.is_file():
+            raise FileNotFoundError(f'no preset {str(name_or_path)!r}: there are {", ".join(preset_names())}, or give a .yaml file')
+    if not path.is_file():
+        raise FileNotFoundError(f'no preset file {path}')
+    try:
+        return MatcherParameters.from_mapping(_ros_parameters(yaml.safe_load(path.read_text())))
+    except yaml.YAMLError as error:
+        raise ValueError(f'{path}: not YAML: {" ".join(str(error).split())}') from None
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from None
+
+
+def _ros_parameters(document: Any) -> dict[str, Any]:
+    """The mapping under `<node name>: ros__parameters:`; there must be exactly one node."""
+    if isinstance(document, dict) and len(document) == 1:
+        node = next(iter(document.values()))
+        if isinstance(node, dict) and set(node) == {'ros__parameters'} and isinstance(node['ros__parameters'], dict):
+            return node['ros__parameters']
+    raise ValueError("not a ROS parameter file: expected '/**:', below it 'ros__parameters:', below it name: value")
