@@ -1,0 +1,67 @@
+"""Stereo pairs with ground truth in Middlebury's folder layout."""
+from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+# Middlebury v3 counts the scenes with the harder light or structure half.
+MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class StereoScene:
+    """left, right: uint8 BGR (H, W, 3); ground_truth: float32 (H, W) px, inf unknown; nonocc: bool (H, W)."""
+
+    name: str
+    left: NDArray[np.generic]
+    right: NDArray[np.generic]
+    ground_truth: NDArray[np.float32]
+    nonocc: NDArray[np.bool_]
+    num_disparities: int
+
+
+def middlebury_scenes(folder: Path) -> list[Path]:
+    """The scene folders (those with an im0.png) below `folder`. ValueError where there is none."""
+    scenes = sorted(path.parent for path in folder.glob('*/im0.png'))
+    if not scenes:
+        raise ValueError(f'{folder}: no scene in it; expected folders with im0.png, im1.png, disp0.pfm, mask0nocc.png, calib.txt')
+    return scenes
+
+
+def read_middlebury_scene(folder: Path) -> StereoScene:
+    """Read one scene. ValueError or FileNotFoundError name the file that is missing or wrong."""
+    left, right = _read_image(folder / 'im0.png'), _read_image(folder / 'im1.png')
+    ndisp = re.search(r'^ndisp=(\d+)', (folder / 'calib.txt').read_text(), re.MULTILINE)
+    if ndisp is None:
+        raise ValueError(f'{folder / "calib.txt"}: no line ndisp=<number>')
+    nonocc = _read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
+    return StereoScene(folder.name, left, right, read_pfm(folder / 'disp0.pfm'), nonocc, int(ndisp[1]))
+
+
+def read_pfm(path: Path) -> NDArray[np.float32]:
+    """A one-channel PFM as float32 (H, W), top row first. ValueError where it is none, or truncated."""
+    with path.open('rb') as file:
+        kind, size, scale = (file.readline(100).strip() for _ in range(3))
+        data = file.read()
+    try:
+        width, height = map(int, size.split())
+        order = '<' if float(scale) < 0 else '>'
+    except ValueError:
+        raise ValueError(f'{path}: not a PFM file') from None
+    if kind != b'Pf':
+        raise ValueError(f'{path}: a PFM of kind {kind.decode(errors="replace")!r}; one channel, Pf, is expected')
+    if len(data) != 4 * width * height:
+        raise ValueError(f'{path}: {len(data)} bytes of data where {width} x {height} pixels take {4 * width * height}')
+    return np.frombuffer(data, f'{order}f4').reshape(height, width)[::-1].astype(np.float32)
+
+
+def _read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[np.generic]:
+    image = cv2.imread(str(path), flags)
+    if image is None:
+        raise ValueError(f'{path}: missing, or not an image')
+    return image

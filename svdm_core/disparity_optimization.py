@@ -1,0 +1,109 @@
+"""Stage 3, disparity optimisation: the winner takes all (eq 14), kept up while blocks of disparities come in."""
+from __future__ import annotations
+
+import dataclasses
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from .matching_cost import BLOCK
+
+# Costs are >= 0, so their bit patterns order like the costs; integer minima use the vector unit.
+_NO_COST = np.int32(2**31 - 1)
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Winners:
+    """The best disparity of each node so far, per view; all arrays (2, N).
+
+    cost: int32, bits of the smallest float32 cost. index: int32, its disparity - min_disparity.
+    below, above: float32, the costs one disparity beside it (left view only, for the parabola).
+    last: float32, the cost at the last disparity seen.
+    """
+
+    cost: NDArray[np.int32]
+    index: NDArray[np.int32]
+    below: NDArray[np.float32]
+    above: NDArray[np.float32]
+    last: NDArray[np.float32]
+
+    @classmethod
+    def empty(cls, nodes: int) -> Winners:
+        """Room for two views of `nodes` nodes."""
+        integers, floats = (np.zeros((2, nodes), kind) for kind in (np.int32, np.float32))
+        return cls(integers, integers.copy(), floats, floats.copy(), floats.copy())
+
+    def reset(self) -> None:
+        """Forget all disparities seen."""
+        self.cost.fill(_NO_COST)
+
+    def update(self, cost: NDArray[np.float32], first: int, count: int) -> None:
+        """Let the disparities first .. first + count - 1 compete: cost (2, blocks, N, BLOCK)."""
+        parts = max(1, numba.get_num_threads() // 2)
+        _update(cost, first, count, parts, self.cost, self.index, self.below, self.above, self.last)
+
+    def parabola(self, num_disparities: int) -> NDArray[np.float32]:
+        """Vertex of the parabola through the left view's winner and its neighbours, -0.5 .. 0.5 px; (N,).
+
+        0 at either end of the search range, where a neighbour is missing.
+        """
+        best = self.cost[0].view(np.float32)
+        return _parabola(best, self.below[0], self.above[0], self.index[0], num_disparities - 1)
+
+
+@numba.njit(cache=True, inline='always')
+def _smallest(bits, count):
+    smallest = _NO_COST
+    if count == BLOCK:  # a constant trip count compiles to vector code
+        for j in range(BLOCK):
+            smallest = min(smallest, bits[j])
+    else:
+        for j in range(count):
+            smallest = min(smallest, bits[j])
+    return smallest
+
+
+@numba.njit(cache=True)
+def _update_nodes(rows, first, count, best, index, below, above, last):
+    """One block, one view: rows (N, BLOCK), of which the first `count` disparities compete. Ties keep the smaller."""
+    for k in range(best.size):
+        row = rows[k]
+        bits = row.view(np.int32)
+        if index[k] == first - 1:
+            above[k] = row[0]
+        smallest = _smallest(bits, count)
+        if smallest < best[k]:
+            j = 0
+            while bits[j] != smallest:
+                j += 1
+            best[k] = smallest
+            index[k] = first + j
+            below[k] = row[j - 1] if j > 0 else last[k]
+            above[k] = row[min(j + 1, count - 1)]
+        last[k] = row[count - 1]
+
+
+@numba.njit(cache=True, parallel=True)
+def _update(cost, first, count, parts, best, index, below, above, last):
+    views, blocks, nodes, _ = cost.shape
+    for task in numba.prange(views * parts):
+        view, part = task // parts, task % parts
+        start, stop = part * nodes // parts, (part + 1) * nodes // parts
+        for block in range(blocks):
+            here = first + block * BLOCK
+            left = min(BLOCK, first + count - here)
+            if left > 0:
+                _update_nodes(cost[view, block, start:stop], here, left, best[view, start:stop],
+                              index[view, start:stop], below[view, start:stop], above[view, start:stop],
+                              last[view, start:stop])
+
+
+@numba.njit(cache=True)
+def _parabola(best, below, above, index, end):
+    vertex = np.zeros(best.size, np.float32)
+    for k in range(best.size):
+        bend = below[k] - np.float32(2) * best[k] + above[k]
+        if bend > 0 and 0 < index[k] < end:
+            vertex[k] = min(max(np.float32(0.5) * (below[k] - above[k]) / bend, np.float32(-0.5)), np.float32(0.5))
+    return vertex

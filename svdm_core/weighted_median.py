@@ -1,0 +1,215 @@
+"""The bilateral weighted median of stage 4 (eqs 17-19).
+
+Weights are rounded to integers (`_weight_scale`), so that their sums are exact in any order: every way
+to find the median, and any number of threads, gives the same one.
+"""
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+# Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
+_LARGEST_EXPONENT = np.float32(40)
+
+# Guide value around the image: so far off that its weight is 0, and no window needs cutting.
+_NO_NEIGHBOUR = np.float32(1e6)
+
+# float32 in a vector register; loops of this constant length compile to single instructions.
+_LANES = 16
+
+# Pixels searched by one task: enough to spread uneven work, few enough to reuse its buffers.
+_CHUNK = 256
+
+
+def weighted_median(
+    labels: NDArray[np.int32],
+    guide: NDArray[np.float32],
+    wanted: NDArray[np.bool_] | None,
+    window: int,
+    sigma_s: float,
+    sigma_c: float,
+) -> NDArray[np.int32]:
+    """Replace labels by the weighted median of the window around them, cut off at the image border.
+
+    labels: int32 (H, W) >= 0, the disparities as integers. guide: float32 (C, H, W), C 1 or 3, on 0..1.
+    wanted: bool (H, W), the pixels to replace, None for all. window: w_p, odd, px. sigma_s in px,
+    sigma_c on 0..1. The weight of q for p is exp(-|p - q|^2 / sigma_s^2) exp(-|g(p) - g(q)|^2 / sigma_c^2),
+    the median the smallest label at which the weights summed from 0 reach half of their total.
+    """
+    margin = window // 2
+    around = ((margin, margin), (margin, margin + _LANES))
+    near = np.pad(labels, around)
+    there = np.pad(guide / np.float32(sigma_c), ((0, 0), *around), constant_values=_NO_NEIGHBOUR).astype(np.float32)
+    exponents, scale = _spatial_exponents(window, sigma_s), _weight_scale(window)
+    result = labels.copy()
+    if wanted is None:
+        settled = np.empty(labels.shape, np.bool_)
+        _settle(near, there, exponents, window, scale, settled)
+        wanted = ~settled
+    _search(near, there, np.flatnonzero(wanted), exponents, window, scale, result)
+    return result
+
+
+def _spatial_exponents(window: int, sigma_s: float) -> NDArray[np.float32]:
+    """|p - q|^2 / sigma_s^2 over the window, float32 (window, columns): columns filled up to whole vectors."""
+    offsets = np.arange(window) - window // 2
+    exponents = np.full((window, -(-window // _LANES) * _LANES), _LARGEST_EXPONENT, np.float32)
+    exponents[:, :window] = (offsets[:, None] ** 2 + offsets**2) / sigma_s**2
+    return exponents
+
+
+def _weight_scale(window: int) -> np.float32:
+    """The power of two that stands for weight 1: the largest with which a whole window stays below 2^30."""
+    return np.float32(2.0 ** (29 - (window**2 - 1).bit_length()))
+
+
+@numba.njit(cache=True, inline='always')
+def _exp_minus(x):
+    """exp(-x) for 0 <= x, to 1e-6 absolutely: its cubic at x / 64, squared six times; no branch, no table."""
+    y = min(x, _LARGEST_EXPONENT) * np.float32(1 / 64)
+    e = np.float32(1) - y * (np.float32(1) - y * (np.float32(1 / 2) - y * np.float32(1 / 6)))
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e * e
+
+
+@numba.njit(cache=True)
+def _row_weights_grey(a, b, exponent, scale, weights):
+    """Integer weights between pixels of two pieces of row: guide values over sigma_c (n,), `exponent` added."""
+    for i in range(weights.size):
+        u = a[i] - b[i]
+        weights[i] = np.int32(_exp_minus(exponent + u * u) * scale)
+
+
+@numba.njit(cache=True)
+def _row_weights_colour(a0, a1, a2, b0, b1, b2, exponent, scale, weights):
+    """The same for three channels."""
+    for i in range(weights.size):
+        u, v, w = a0[i] - b0[i], a1[i] - b1[i], a2[i] - b2[i]
+        weights[i] = np.int32(_exp_minus(exponent + (u * u + v * v + w * w)) * scale)
+
+
+@numba.njit(cache=True)
+def _weigh_labels(weights, here, there, balance, equal):
+    """Add each weight to `equal` where the labels agree, else with its sign to `balance`."""
+    for i in range(weights.size):
+        label, other, weight = here[i], there[i], weights[i]
+        balance[i] += np.int32(other > label) * weight - np.int32(other < label) * weight
+        equal[i] += np.int32(other == label) * weight
+
+
+@numba.njit(cache=True, parallel=True)
+def _settle(labels, guide, exponents, window, scale, settled):
+    """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
+
+    Whole rows at a time, one offset of the window after the other, so that neighbouring pixels share
+    vector instructions. labels and guide have their margins.
+    """
+    height, width = settled.shape
+    r = window // 2
+    for y in numba.prange(height):
+        weights = np.empty(width, np.int32)
+        balance = np.zeros(width, np.int32)
+        equal = np.zeros(width, np.int32)
+        for i in range(window):
+            for j in range(window):
+                if guide.shape[0] == 1:
+                    _row_weights_grey(guide[0, y + r, r:r + width], guide[0, y + i, j:j + width],
+                                      exponents[i, j], scale, weights)
+                else:
+                    _row_weights_colour(guide[0, y + r, r:r + width], guide[1, y + r, r:r + width],
+                                        guide[2, y + r, r:r + width], guide[0, y + i, j:j + width],
+                                        guide[1, y + i, j:j + width], guide[2, y + i, j:j + width],
+                                        exponents[i, j], scale, weights)
+                _weigh_labels(weights, labels[y + r, r:r + width], labels[y + i, j:j + width], balance, equal)
+        for x in range(width):
+            settled[y, x] = -equal[x] < balance[x] <= equal[x]
+
+
+@numba.njit(cache=True, parallel=True)
+def _search(labels, guide, pixels, exponents, window, scale, result):
+    """result[p] = weighted median at each flat pixel index p of `pixels`; labels and guide have their margins."""
+    width = result.shape[1]
+    r = window // 2
+    for chunk in numba.prange(-(-pixels.size // _CHUNK)):
+        near = np.empty(exponents.size, np.int32)
+        weights = np.empty(exponents.size, np.int32)
+        for p in pixels[chunk * _CHUNK:(chunk + 1) * _CHUNK]:
+            y, x = p // width, p % width
+            if guide.shape[0] == 1:
+                _window_weights_grey(guide[0], y, x, r, exponents, scale, weights)
+            else:
+                _window_weights_colour(guide[0], guide[1], guide[2], y, x, r, exponents, scale, weights)
+            _window_labels(labels, y, x, exponents, near)
+            result[y, x] = _median(near, weights, labels[y + r, x + r])
+
+
+@numba.njit(cache=True)
+def _window_labels(labels, y, x, exponents, near):
+    rows, columns = exponents.shape
+    for i in range(rows):
+        for j in range(0, columns, _LANES):
+            to, source = near[i * columns + j:i * columns + j + _LANES], labels[y + i, x + j:x + j + _LANES]
+            for k in range(_LANES):
+                to[k] = source[k]
+
+
+@numba.njit(cache=True)
+def _window_weights_grey(guide, y, x, r, exponents, scale, weights):
+    """Integer weights of the window around pixel (y, x), row after row; guide (H, W) with margins."""
+    rows, columns = exponents.shape
+    a = guide[y + r, x + r]
+    for i in range(rows):
+        for j in range(0, columns, _LANES):
+            b, exponent = guide[y + i, x + j:x + j + _LANES], exponents[i, j:j + _LANES]
+            to = weights[i * columns + j:i * columns + j + _LANES]
+            for k in range(_LANES):
+                u = a - b[k]
+                to[k] = np.int32(_exp_minus(exponent[k] + u * u) * scale)
+
+
+@numba.njit(cache=True)
+def _window_weights_colour(g0, g1, g2, y, x, r, exponents, scale, weights):
+    """The same for three channels."""
+    rows, columns = exponents.shape
+    a0, a1, a2 = g0[y + r, x + r], g1[y + r, x + r], g2[y + r, x + r]
+    for i in range(rows):
+        for j in range(0, columns, _LANES):
+            b0, b1 = g0[y + i, x + j:x + j + _LANES], g1[y + i, x + j:x + j + _LANES]
+            b2, exponent = g2[y + i, x + j:x + j + _LANES], exponents[i, j:j + _LANES]
+            to = weights[i * columns + j:i * columns + j + _LANES]
+            for k in range(_LANES):
+                u, v, w = a0 - b0[k], a1 - b1[k], a2 - b2[k]
+                to[k] = np.int32(_exp_minus(exponent[k] + (u * u + v * v + w * w)) * scale)
+
+
+@numba.njit(cache=True)
+def _weight_up_to(near, weights, label):
+    total = np.int32(0)
+    for i in range(near.size):
+        total += np.int32(near[i] <= label) * weights[i]
+    return total
+
+
+@numba.njit(cache=True)
+def _median(near, weights, guess):
+    """Smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
+    highest = np.int32(0)
+    lowest = near[0]
+    total = np.int32(0)
+    for i in range(near.size):
+        highest = max(highest, near[i])
+        lowest = min(lowest, near[i])
+        total += weights[i]
+    while lowest < highest:
+        middle = min(max(np.int32(guess), lowest), highest - np.int32(1))
+        if 2 * _weight_up_to(near, weights, middle) >= total:
+            highest = middle
+        else:
+            lowest = middle + np.int32(1)
+        guess = (lowest + highest) >> 1
+    return lowest
