@@ -43,13 +43,20 @@ class Winners:
         parts = max(1, numba.get_num_threads() // 2)
         _update(cost, first, count, parts, self.cost, self.index, self.below, self.above, self.last)
 
-    def parabola(self, num_disparities: int) -> NDArray[np.float32]:
-        """Vertex of the parabola through the left view's winner and its neighbours, -0.5 .. 0.5 px; (N,).
+    def images(
+        self, pixel: NDArray[np.int32], shape: tuple[int, int], num_disparities: int
+    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        """The result in image order: winners and the left view's sub-pixel offsets.
 
-        0 at either end of the search range, where a neighbour is missing.
+        pixel: int32 (2, N), pixel of each node, the right view's mirrored. Returns int32 (2, H, W), disparity -
+        min_disparity, neither view mirrored; and float32 (H, W), the vertex of the parabola through the winner's
+        cost and its neighbours', -0.5 .. 0.5 px, 0 at either end of the search range.
         """
-        best = self.cost[0].view(np.float32)
-        return _parabola(best, self.below[0], self.above[0], self.index[0], num_disparities - 1)
+        winner = np.empty((2, *shape), np.int32)
+        vertex = np.empty(shape, np.float32)
+        best = self.cost.view(np.float32)
+        _images(pixel, self.index, best[0], self.below[0], self.above[0], num_disparities - 1, winner, vertex)
+        return winner, vertex
 
 
 @numba.njit(cache=True, inline='always')
@@ -99,11 +106,23 @@ def _update(cost, first, count, parts, best, index, below, above, last):
                               last[view, start:stop])
 
 
-@numba.njit(cache=True)
-def _parabola(best, below, above, index, end):
-    vertex = np.zeros(best.size, np.float32)
-    for k in range(best.size):
-        bend = below[k] - np.float32(2) * best[k] + above[k]
-        if bend > 0 and 0 < index[k] < end:
-            vertex[k] = min(max(np.float32(0.5) * (below[k] - above[k]) / bend, np.float32(-0.5)), np.float32(0.5))
-    return vertex
+@numba.njit(cache=True, inline='always')
+def _parabola(below, best, above):
+    bend = below - np.float32(2) * best + above
+    if bend <= 0:
+        return np.float32(0)
+    return min(max(np.float32(0.5) * (below - above) / bend, np.float32(-0.5)), np.float32(0.5))
+
+
+@numba.njit(cache=True, parallel=True)
+def _images(pixel, index, best, below, above, end, winner, vertex):
+    width = vertex.shape[1]
+    for view in numba.prange(2):
+        for k in range(pixel.shape[1]):
+            y, x = pixel[view, k] // width, pixel[view, k] % width
+            if view == 1:
+                winner[1, y, width - 1 - x] = index[1, k]
+            else:
+                winner[0, y, x] = index[0, k]
+                inside = 0 < index[0, k] < end
+                vertex[y, x] = _parabola(below[k], best[k], above[k]) if inside else np.float32(0)

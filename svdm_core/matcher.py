@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from .cost_aggregation import aggregate_blocks, edge_similarity
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
-from .matching_cost import BLOCK, matching_cost_blocks, view_planes
+from .matching_cost import BLOCK, empty_planes, fill_planes, matching_cost_blocks, node_values
 from .parameters import MatcherParameters
 from .spanning_forest import minimum_spanning_trees
 
@@ -51,8 +51,7 @@ class StereoMatcher:
             raise ValueError(f'threads = {threads} is not allowed: it must be 0 (all cores) or more')
         self.parameters = parameters or MatcherParameters()
         self.threads = threads
-        self._winners = Winners.empty(0)
-        self._cost = np.empty((2, 0, 0, BLOCK), np.float32)
+        self._buffers: _Buffers | None = None
 
     def compute(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
@@ -73,44 +72,79 @@ class StereoMatcher:
     def _compute(
         self, left: NDArray[np.generic], right: NDArray[np.generic], parameters: MatcherParameters
     ) -> DisparityResult:
-        shape = left.shape[:2]
+        height, width = left.shape[:2]
         clock = _StageClock()
+        buffers = self._buffers_for(left, parameters)
         with clock.stage('spanning_forest'):
             pixel, parent, weight = minimum_spanning_trees(_tree_guide(left, parameters),
                                                            _tree_guide(right, parameters)[:, ::-1])
             similarity = edge_similarity(weight, parameters.sigma_tree, parameters.d_y)
         with clock.stage('matching_cost'):
-            planes = view_planes(left, right, parameters)
-            partner, values = _node_order(planes, pixel, shape[1])
-        self._match_views(planes, partner, values, parent, similarity, parameters, clock)
+            fill_planes(left, right, parameters.gradient, buffers.planes)
+            partner, values = node_values(buffers.planes, pixel, width)
+        for first in range(0, parameters.num_disparities, buffers.disparities):
+            with clock.stage('matching_cost'):
+                matching_cost_blocks(partner, values, buffers.planes, first, parameters, buffers.cost)
+            with clock.stage('cost_aggregation'):
+                aggregate_blocks(buffers.cost, parent, similarity)
+            with clock.stage('disparity_optimization'):
+                count = min(buffers.disparities, parameters.num_disparities - first)
+                buffers.winners.update(buffers.cost, first, count)
         with clock.stage('disparity_optimization'):
-            winner = _pixel_order(self._winners.index, pixel).reshape(2, *shape)
-            vertex = None
-            if parameters.subpixel:
-                vertex = _pixel_order(self._winners.parabola(parameters.num_disparities)[None], pixel[:1]).reshape(shape)
+            winner, vertex = buffers.winners.images(pixel, (height, width), parameters.num_disparities)
         with clock.stage('disparity_refinement'):
-            valid = left_right_check(winner[0], winner[1, :, ::-1], parameters.min_disparity, parameters.tau_lr)
-            disparity = refine(winner[0], vertex, valid, left, parameters)
+            valid = left_right_check(winner[0], winner[1], parameters.min_disparity, parameters.tau_lr)
+            disparity = refine(winner[0], vertex if parameters.subpixel else None, valid, left, parameters)
         return DisparityResult(disparity, valid, clock.milliseconds())
 
-    def _match_views(self, planes, partner, values, parent, similarity, parameters, clock) -> None:
-        """Stages 1 to 3 over a few blocks of disparities at a time: the whole cost volume never exists."""
-        nodes = parent.shape[1]
-        blocks = max(1, numba.get_num_threads() // 2)
-        if self._cost.shape != (2, blocks, nodes, BLOCK):
-            self._cost = np.empty((2, blocks, nodes, BLOCK), np.float32)
-            self._winners = Winners.empty(nodes)
-        self._winners.reset()
-        flat = planes.reshape(*planes.shape[:2], -1)
-        taus = np.float32(parameters.tau_ad), np.float32(parameters.tau_gm), np.float32(parameters.alpha)
-        for first in range(0, parameters.num_disparities, blocks * BLOCK):
-            count = min(blocks * BLOCK, parameters.num_disparities - first)
-            with clock.stage('matching_cost'):
-                matching_cost_blocks(partner, values, flat, parameters.min_disparity + first, *taus, self._cost)
-            with clock.stage('cost_aggregation'):
-                aggregate_blocks(self._cost, parent, similarity)
-            with clock.stage('disparity_optimization'):
-                self._winners.update(self._cost, first, count)
+    def _buffers_for(self, image: NDArray[np.generic], parameters: MatcherParameters) -> _Buffers:
+        """The last frame's buffers where they fit, else new ones."""
+        layout = _Layout(
+            height=image.shape[0],
+            width=image.shape[1],
+            channels=1 if image.ndim == 2 else image.shape[2],
+            min_disparity=parameters.min_disparity,
+            num_disparities=parameters.num_disparities,
+            blocks=min(max(1, numba.get_num_threads() // 2), -(-parameters.num_disparities // BLOCK)),
+        )
+        if self._buffers is None or self._buffers.layout != layout:
+            self._buffers = None  # free the old ones before the new ones are made
+            self._buffers = _Buffers(layout)
+        self._buffers.winners.reset()
+        return self._buffers
+
+
+@dataclasses.dataclass(frozen=True)
+class _Layout:
+    """What the sizes of the buffers follow from."""
+
+    height: int
+    width: int
+    channels: int
+    min_disparity: int
+    num_disparities: int
+    blocks: int
+
+
+class _Buffers:
+    """Scratch kept from frame to frame: the planes compared, a few blocks of costs, the winners so far.
+
+    All disparities never exist at once: with B blocks of a view in work, memory is B * BLOCK / D of a cost volume.
+    """
+
+    def __init__(self, layout: _Layout) -> None:
+        nodes = layout.height * layout.width
+        self.layout = layout
+        rounds = -(-layout.num_disparities // self.disparities)
+        end = layout.min_disparity + rounds * self.disparities
+        self.planes = empty_planes(layout.height, layout.width, layout.channels, end)
+        self.cost = np.empty((2, layout.blocks, nodes, BLOCK), np.float32)
+        self.winners = Winners.empty(nodes)
+
+    @property
+    def disparities(self) -> int:
+        """Disparities in work at once."""
+        return self.layout.blocks * BLOCK
 
 
 class _StageClock:
@@ -150,20 +184,3 @@ def _tree_guide(image: NDArray[np.generic], parameters: MatcherParameters) -> ND
     """The image the tree is built on: 8 bit, so that an edge weighs 0..255 grey levels, smoothed if wanted."""
     guide = (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
     return guide if parameters.guide_blur == 1 else cv2.medianBlur(guide, parameters.guide_blur)
-
-
-def _node_order(
-    planes: NDArray[np.float32], pixel: NDArray[np.int32], width: int
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """For each view's nodes the place of their partners at disparity 0 and their own values, see `_cost_block`."""
-    y, x = np.divmod(pixel, np.int32(width))
-    partner = y * np.int32(planes.shape[3]) + np.int32(width - 1) - x
-    values = np.stack([view[:, row, column].T for view, row, column in zip(planes, y, x, strict=True)])
-    return partner, np.ascontiguousarray(values)
-
-
-def _pixel_order(nodes: NDArray[np.generic], pixel: NDArray[np.int32]) -> NDArray[np.generic]:
-    """Values of the nodes (V, N) at their pixels (V, N)."""
-    image = np.empty_like(nodes)
-    np.put_along_axis(image, pixel, nodes, axis=1)
-    return image

@@ -21,33 +21,35 @@ BLOCK = 16
 # Far outside the intensities 0..1 and gradients -1..1.5, so that any truncation bites.
 _NO_PARTNER = np.float32(1e3)
 
-_FULL_SCALE = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}
+# Nodes gathered by one task.
+_CHUNK = 4096
 
 
-def view_planes(
-    left: NDArray[np.generic], right: NDArray[np.generic], parameters: MatcherParameters
-) -> NDArray[np.float32]:
-    """What stage 1 compares, for the left view and, mirrored, the right view.
+def empty_planes(height: int, width: int, channels: int, end: int) -> NDArray[np.float32]:
+    """Room for `fill_planes`, float32 (2, C + 1, H, W + end), with `_NO_PARTNER` in the columns from W on.
 
-    left, right: uint8 or uint16, (H, W) or (H, W, 3) BGR. Returns float32 (2, C + 1, H, pitch): C
-    intensities on 0..1 and the gradient of the grey image; columns from W on hold `_NO_PARTNER`.
+    end: the disparity behind the last one of the last block that `matching_cost_blocks` will compute.
     """
-    height, width = left.shape[:2]
-    channels = 1 if left.ndim == 2 else left.shape[2]
-    reach = parameters.min_disparity + -(-parameters.num_disparities // BLOCK) * BLOCK
-    planes = np.full((2, channels + 1, height, width + reach), _NO_PARTNER, np.float32)
-    for view, image in zip(planes, (left, right), strict=True):
-        columns = slice(None) if image is left else slice(None, None, -1)
-        view[:channels, :, :width] = intensities(image)[..., columns]
-        view[channels, :, :width] = gradient(_grey(image), parameters.gradient)[:, columns]
-    return planes
+    return np.full((2, channels + 1, height, width + end), _NO_PARTNER, np.float32)
+
+
+def fill_planes(
+    left: NDArray[np.generic], right: NDArray[np.generic], kind: str, planes: NDArray[np.float32]
+) -> None:
+    """Write what stage 1 compares: the left view and, mirrored, the right view.
+
+    left, right: uint8 or uint16, (H, W) or (H, W, 3) BGR. kind: of `gradient`. planes: (2, C + 1, H, pitch),
+    receives C intensities on 0..1 and the gradient of the grey image in columns 0 .. W - 1.
+    """
+    for view, image in enumerate((left, right)):
+        colours = image.reshape(*image.shape[:2], -1)
+        _fill_planes(colours, gradient(_grey(image), kind), _unit(image), view == 1, planes[view])
 
 
 def intensities(image: NDArray[np.generic]) -> NDArray[np.float32]:
     """uint8 or uint16 (H, W) or (H, W, 3) as float32 planes (C, H, W) on 0..1."""
-    height, width = image.shape[:2]
-    planes = np.moveaxis(image.reshape(height, width, -1), 2, 0)
-    return planes.astype(np.float32) / np.float32(_FULL_SCALE[image.dtype])
+    planes = np.moveaxis(image.reshape(*image.shape[:2], -1), 2, 0)
+    return planes.astype(np.float32, order='C') * _unit(image)
 
 
 def gradient(grey: NDArray[np.generic], kind: str) -> NDArray[np.float32]:
@@ -55,16 +57,82 @@ def gradient(grey: NDArray[np.generic], kind: str) -> NDArray[np.float32]:
 
     'horizontal' is the signed x difference of eq 3, halved; 'magnitude' is eq 5, differences not halved.
     """
-    image = np.pad(grey.astype(np.float32) / np.float32(_FULL_SCALE[grey.dtype]), 1, mode='edge')
-    along_x = image[1:-1, 2:] - image[1:-1, :-2]
-    if kind == 'horizontal':
-        return along_x / 2
-    along_y = image[2:, 1:-1] - image[:-2, 1:-1]
-    return np.sqrt(along_x**2 + along_y**2)
+    result = np.empty(grey.shape, np.float32)
+    _gradient(grey, _unit(grey), kind == 'magnitude', result)
+    return result
+
+
+def _unit(image: NDArray[np.generic]) -> np.float32:
+    """Intensity on 0..1 of one grey level of the image."""
+    return np.float32(1 / 255 if image.dtype == np.uint8 else 1 / 65535)
 
 
 def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+def matching_cost_blocks(
+    partner: NDArray[np.int32],
+    values: NDArray[np.float32],
+    planes: NDArray[np.float32],
+    first: int,
+    parameters: MatcherParameters,
+    cost: NDArray[np.float32],
+) -> None:
+    """Fill cost (2, blocks, N, BLOCK) for both views; block b starts at disparity min_disparity + first + b * BLOCK.
+
+    partner, values: of `node_values`; planes: of `fill_planes`. Disparities behind the search range cost
+    something, but nothing sensible.
+    """
+    taus = np.float32(parameters.tau_ad), np.float32(parameters.tau_gm), np.float32(parameters.alpha)
+    flat = planes.reshape(*planes.shape[:2], -1)
+    _cost_blocks(partner, values, flat, parameters.min_disparity + first, *taus, cost)
+
+
+@numba.njit(cache=True, parallel=True)
+def _gradient(grey, unit, magnitude, result):
+    height, width = grey.shape
+    for y in numba.prange(height):
+        above, row, below = grey[max(y - 1, 0)], grey[y], grey[min(y + 1, height - 1)]
+        for x in range(width):
+            along_x = np.float32(np.int32(row[min(x + 1, width - 1)]) - np.int32(row[max(x - 1, 0)]))
+            if magnitude:
+                along_y = np.float32(np.int32(below[x]) - np.int32(above[x]))
+                result[y, x] = np.sqrt(along_x * along_x + along_y * along_y) * unit
+            else:
+                result[y, x] = np.float32(0.5) * along_x * unit
+
+
+@numba.njit(cache=True, parallel=True)
+def _fill_planes(image, gradients, unit, mirrored, planes):
+    height, width, channels = image.shape
+    for y in numba.prange(height):
+        for c in range(channels + 1):
+            to = planes[c, y]
+            for x in range(width):
+                column = width - 1 - x if mirrored else x
+                to[x] = gradients[y, column] if c == channels else np.float32(image[y, column, c]) * unit
+
+
+@numba.njit(cache=True, parallel=True)
+def node_values(planes, pixel, width):
+    """What stage 1 needs of each view's nodes: planes (2, C + 1, H, pitch), pixel int32 (2, N).
+
+    Returns partner, int32 (2, N): flat index of the node's partner at disparity 0 in the other view's
+    plane; and values, float32 (2, N, C + 1): the node's own intensities and gradient.
+    """
+    views, nodes = pixel.shape
+    count, pitch = planes.shape[1], planes.shape[3]
+    partner = np.empty((views, nodes), np.int32)
+    values = np.empty((views, nodes, count), np.float32)
+    for chunk in numba.prange(-(-nodes // _CHUNK)):
+        for view in range(views):
+            for k in range(chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)):
+                y, x = pixel[view, k] // width, pixel[view, k] % width
+                partner[view, k] = y * pitch + width - 1 - x
+                for c in range(count):
+                    values[view, k, c] = planes[view, c, y, x]
+    return partner, values
 
 
 @numba.njit(cache=True)
@@ -95,8 +163,7 @@ def _cost_block(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
 
 
 @numba.njit(cache=True, parallel=True)
-def matching_cost_blocks(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
-    """Fill cost (2, blocks, N, BLOCK) for both views; block b starts at disparity first + b * BLOCK."""
+def _cost_blocks(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
     views, blocks = cost.shape[:2]
     for task in numba.prange(views * blocks):
         view, block = task // blocks, task % blocks
