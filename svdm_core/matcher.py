@@ -65,9 +65,10 @@ class StereoMatcher:
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
-        small = np.zeros((4, 6), np.uint8)
         matcher = StereoMatcher(self.parameters.replace(num_disparities=2, median_scope='all'), self.threads)
-        matcher.compute(small, small)
+        for depth in (np.uint8, np.uint16):
+            small = np.zeros((4, 6), depth)
+            matcher.compute(small, small)
 
     def _compute(
         self, left: NDArray[np.generic], right: NDArray[np.generic], parameters: MatcherParameters
@@ -177,7 +178,8 @@ def _checked(
     if left.shape != right.shape or left.dtype != right.dtype:
         raise ValueError(f'left image {left.shape} {left.dtype} and right image {right.shape} {right.dtype} '
                          'must have the same shape and dtype')
-    return np.ascontiguousarray(left), np.ascontiguousarray(right)
+    # numba compiles anew for read-only arrays, which messages give: a copy is cheaper.
+    return np.require(left, requirements='CW'), np.require(right, requirements='CW')
 
 
 def _tree_guide(image: NDArray[np.generic], parameters: MatcherParameters) -> NDArray[np.uint8]:
