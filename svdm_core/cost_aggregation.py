@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Float32, Int32, Uint8
 from .matching_cost import BLOCK
 
 
-def edge_similarity(weight: NDArray[np.uint8], sigma_tree: float, d_y: int) -> NDArray[np.float32]:
+def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
     """Support across an edge: exp(-weight / (255 sigma_tree)), 0 where weight > d_y cuts the tree (eq 10).
 
     weight: uint8, grey levels. sigma_tree on 0..1, d_y in grey levels. Returns float32 of the same shape.
@@ -23,7 +23,7 @@ def edge_similarity(weight: NDArray[np.uint8], sigma_tree: float, d_y: int) -> N
 
 
 @numba.njit(cache=True)
-def _leaf_to_root(cost, parent, similarity):
+def _leaf_to_root(cost: Float32, parent: Int32, similarity: Float32) -> None:
     """A_up(p) = C(p) + sum over children c of S(c) A_up(c), in place."""
     for k in range(parent.size - 1, 0, -1):
         child, up, s = cost[k], cost[parent[k]], similarity[k]
@@ -32,7 +32,7 @@ def _leaf_to_root(cost, parent, similarity):
 
 
 @numba.njit(cache=True)
-def _root_to_leaf(cost, parent, similarity):
+def _root_to_leaf(cost: Float32, parent: Int32, similarity: Float32) -> None:
     """A(v) = S(v) A(parent) + (1 - S(v)^2) A_up(v), in place."""
     for k in range(1, parent.size):
         row, up, s = cost[k], cost[parent[k]], similarity[k]
@@ -42,7 +42,7 @@ def _root_to_leaf(cost, parent, similarity):
 
 
 @numba.njit(cache=True, parallel=True)
-def aggregate_blocks(cost, parent, similarity):
+def aggregate_blocks(cost: Float32, parent: Int32, similarity: Float32) -> None:
     """Sum of the support-weighted costs, in place: cost (2, blocks, N, BLOCK), parent and similarity (2, N).
 
     Not divided by the sum of supports: one factor a node changes neither its winner nor its parabola.

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Bool, Float32, Image
 
 # Middlebury v3 counts the scenes with the harder light or structure half.
 MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)
@@ -18,10 +19,10 @@ class StereoScene:
     """left, right: uint8 BGR (H, W, 3); ground_truth: float32 (H, W) px, inf unknown; nonocc: bool (H, W)."""
 
     name: str
-    left: NDArray[np.generic]
-    right: NDArray[np.generic]
-    ground_truth: NDArray[np.float32]
-    nonocc: NDArray[np.bool_]
+    left: Image
+    right: Image
+    ground_truth: Float32
+    nonocc: Bool
     num_disparities: int
 
 
@@ -29,7 +30,8 @@ def middlebury_scenes(folder: Path) -> list[Path]:
     """The scene folders (those with an im0.png) below `folder`. ValueError where there is none."""
     scenes = sorted(path.parent for path in folder.glob('*/im0.png'))
     if not scenes:
-        raise ValueError(f'{folder}: no scene in it; expected folders with im0.png, im1.png, disp0.pfm, mask0nocc.png, calib.txt')
+        raise ValueError(f'{folder}: no scene in it; expected folders with im0.png, im1.png, disp0.pfm, '
+                         'mask0nocc.png and calib.txt')
     return scenes
 
 
@@ -43,7 +45,7 @@ def read_middlebury_scene(folder: Path) -> StereoScene:
     return StereoScene(folder.name, left, right, read_pfm(folder / 'disp0.pfm'), nonocc, int(ndisp[1]))
 
 
-def read_pfm(path: Path) -> NDArray[np.float32]:
+def read_pfm(path: Path) -> Float32:
     """A one-channel PFM as float32 (H, W), top row first. ValueError where it is none, or truncated."""
     with path.open('rb') as file:
         kind, size, scale = (file.readline(100).strip() for _ in range(3))
@@ -60,7 +62,7 @@ def read_pfm(path: Path) -> NDArray[np.float32]:
     return np.frombuffer(data, f'{order}f4').reshape(height, width)[::-1].astype(np.float32)
 
 
-def _read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> NDArray[np.generic]:
+def _read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
     image = cv2.imread(str(path), flags)
     if image is None:
         raise ValueError(f'{path}: missing, or not an image')

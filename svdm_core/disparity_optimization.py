@@ -5,8 +5,8 @@ import dataclasses
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Float32, Int32
 from .matching_cost import BLOCK
 
 # Costs are >= 0, so their bit patterns order like the costs; integer minima use the vector unit.
@@ -22,30 +22,31 @@ class Winners:
     last: float32, the cost at the last disparity seen.
     """
 
-    cost: NDArray[np.int32]
-    index: NDArray[np.int32]
-    below: NDArray[np.float32]
-    above: NDArray[np.float32]
-    last: NDArray[np.float32]
+    cost: Int32
+    index: Int32
+    below: Float32
+    above: Float32
+    last: Float32
 
     @classmethod
     def empty(cls, nodes: int) -> Winners:
         """Room for two views of `nodes` nodes."""
-        integers, floats = (np.zeros((2, nodes), kind) for kind in (np.int32, np.float32))
-        return cls(integers, integers.copy(), floats, floats.copy(), floats.copy())
+        cost, index = np.zeros((2, 2, nodes), np.int32)
+        below, above, last = np.zeros((3, 2, nodes), np.float32)
+        return cls(cost, index, below, above, last)
 
     def reset(self) -> None:
         """Forget all disparities seen."""
         self.cost.fill(_NO_COST)
 
-    def update(self, cost: NDArray[np.float32], first: int, count: int) -> None:
+    def update(self, cost: Float32, first: int, count: int) -> None:
         """Let the disparities first .. first + count - 1 compete: cost (2, blocks, N, BLOCK)."""
         parts = max(1, numba.get_num_threads() // 2)
         _update(cost, first, count, parts, self.cost, self.index, self.below, self.above, self.last)
 
     def images(
-        self, pixel: NDArray[np.int32], shape: tuple[int, int], num_disparities: int
-    ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+        self, pixel: Int32, shape: tuple[int, int], num_disparities: int
+    ) -> tuple[Int32, Float32]:
         """The result in image order: winners and the left view's sub-pixel offsets.
 
         pixel: int32 (2, N), pixel of each node, the right view's mirrored. Returns int32 (2, H, W), disparity -
@@ -60,7 +61,7 @@ class Winners:
 
 
 @numba.njit(cache=True, inline='always')
-def _smallest(bits, count):
+def _smallest(bits: Int32, count: int) -> np.int32:
     smallest = _NO_COST
     if count == BLOCK:  # a constant trip count compiles to vector code
         for j in range(BLOCK):
@@ -72,7 +73,9 @@ def _smallest(bits, count):
 
 
 @numba.njit(cache=True)
-def _update_nodes(rows, first, count, best, index, below, above, last):
+def _update_nodes(
+    rows: Float32, first: int, count: int, best: Int32, index: Int32, below: Float32, above: Float32, last: Float32,
+) -> None:
     """One block, one view: rows (N, BLOCK), of which the first `count` disparities compete. Ties keep the smaller."""
     for k in range(best.size):
         row = rows[k]
@@ -92,7 +95,10 @@ def _update_nodes(rows, first, count, best, index, below, above, last):
 
 
 @numba.njit(cache=True, parallel=True)
-def _update(cost, first, count, parts, best, index, below, above, last):
+def _update(
+    cost: Float32, first: int, count: int, parts: int, best: Int32, index: Int32, below: Float32, above: Float32,
+    last: Float32,
+) -> None:
     views, blocks, nodes, _ = cost.shape
     for task in numba.prange(views * parts):
         view, part = task // parts, task % parts
@@ -107,7 +113,7 @@ def _update(cost, first, count, parts, best, index, below, above, last):
 
 
 @numba.njit(cache=True, inline='always')
-def _parabola(below, best, above):
+def _parabola(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
     bend = below - np.float32(2) * best + above
     if bend <= 0:
         return np.float32(0)
@@ -115,7 +121,10 @@ def _parabola(below, best, above):
 
 
 @numba.njit(cache=True, parallel=True)
-def _images(pixel, index, best, below, above, end, winner, vertex):
+def _images(
+    pixel: Int32, index: Int32, best: Float32, below: Float32, above: Float32, end: int, winner: Int32,
+    vertex: Float32,
+) -> None:
     width = vertex.shape[1]
     for view in numba.prange(2):
         for k in range(pixel.shape[1]):

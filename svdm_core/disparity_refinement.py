@@ -3,16 +3,16 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bool, Float32, Image, Int32
 from .matching_cost import intensities
 from .parameters import MatcherParameters
 from .weighted_median import weighted_median
 
 
 def left_right_check(
-    left: NDArray[np.int32], right: NDArray[np.int32], min_disparity: int, tau_lr: float
-) -> NDArray[np.bool_]:
+    left: Int32, right: Int32, min_disparity: int, tau_lr: float
+) -> Bool:
     """Where the views agree (eq 15): |d_L(p) - d_R(p - d_L(p))| <= tau_lr, with p - d_L(p) inside the image.
 
     left, right: int32 (H, W), disparity - min_disparity of either view. tau_lr in px.
@@ -20,7 +20,7 @@ def left_right_check(
     return _left_right_check(left, right, min_disparity, tau_lr)
 
 
-def fill_along_scanlines(disparity: NDArray[np.int32], valid: NDArray[np.bool_]) -> NDArray[np.int32]:
+def fill_along_scanlines(disparity: Int32, valid: Bool) -> Int32:
     """Give each invalid pixel the smaller of the nearest valid disparities left and right on its row (eq 16).
 
     With a valid pixel on one side only it takes that side; a row without any keeps what it has.
@@ -32,12 +32,12 @@ def fill_along_scanlines(disparity: NDArray[np.int32], valid: NDArray[np.bool_])
 
 
 def refine(
-    winner: NDArray[np.int32],
-    vertex: NDArray[np.float32] | None,
-    valid: NDArray[np.bool_],
-    left: NDArray[np.generic],
+    winner: Int32,
+    vertex: Float32 | None,
+    valid: Bool,
+    left: Image,
     parameters: MatcherParameters,
-) -> NDArray[np.float32]:
+) -> Float32:
     """Fill what failed the left-right check and take the weighted median; float32 (H, W), px, dense.
 
     winner: int32 (H, W), disparity - min_disparity. vertex: float32 (H, W), sub-pixel offset of the winner
@@ -58,7 +58,7 @@ def refine(
 
 
 @numba.njit(cache=True, parallel=True)
-def _left_right_check(left, right, min_disparity, tau_lr):
+def _left_right_check(left: Int32, right: Int32, min_disparity: int, tau_lr: float) -> Bool:
     height, width = left.shape
     valid = np.empty((height, width), np.bool_)
     for y in numba.prange(height):
@@ -69,7 +69,7 @@ def _left_right_check(left, right, min_disparity, tau_lr):
 
 
 @numba.njit(cache=True, parallel=True)
-def _fill(disparity, valid):
+def _fill(disparity: Int32, valid: Bool) -> None:
     height, width = disparity.shape
     for y in numba.prange(height):
         row, known = disparity[y], valid[y]

@@ -2,9 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .arrays import Bool
 
 BAD_THRESHOLDS = (0.5, 1.0, 2.0, 4.0)
 QUANTILES = (50, 90, 95, 99)
@@ -13,7 +16,7 @@ QUANTILES = (50, 90, 95, 99)
 def error_metrics(
     disparity: NDArray[np.floating],
     ground_truth: NDArray[np.floating],
-    mask: NDArray[np.bool_] | None = None,
+    mask: Bool | None = None,
     scale: float = 1.0,
 ) -> dict[str, float]:
     """Error figures of `disparity` over the pixels of `mask` with known ground truth.
@@ -49,8 +52,9 @@ def weighted_average(scenes: Mapping[str, Mapping[str, float]], weights: Mapping
     """Average of the scenes' metrics; a scene without an entry in `weights` (MIDDLEBURY_WEIGHTS) counts 1."""
     share = np.array([weights.get(name, 1.0) for name in scenes])
     names = next(iter(scenes.values()), {})
-    return {metric: float(np.dot([scene[metric] for scene in scenes.values()], share) / share.sum()) for metric in names}
+    values = {metric: [scene[metric] for scene in scenes.values()] for metric in names}
+    return {metric: float(np.dot(value, share) / share.sum()) for metric, value in values.items()}
 
 
-def _mean(values: NDArray[np.generic]) -> float:
+def _mean(values: NDArray[Any]) -> float:
     return float(values.mean()) if values.size else float('nan')

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Bool, Float32, Image, Uint8
 from .cost_aggregation import aggregate_blocks, edge_similarity
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
@@ -21,6 +21,9 @@ from .spanning_forest import minimum_spanning_trees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
+
+# The threads numba started with: its cores, or what NUMBA_NUM_THREADS says.
+_CORES = numba.get_num_threads()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -32,8 +35,8 @@ class DisparityResult:
     timings: stage name -> milliseconds, and their sum 'total'.
     """
 
-    disparity: NDArray[np.float32]
-    valid: NDArray[np.bool_]
+    disparity: Float32
+    valid: Bool
     timings: dict[str, float]
 
 
@@ -53,14 +56,14 @@ class StereoMatcher:
         self.threads = threads
         self._buffers: _Buffers | None = None
 
-    def compute(self, left: NDArray[np.generic], right: NDArray[np.generic]) -> DisparityResult:
+    def compute(self, left: Image, right: Image) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
 
         Raises ValueError naming what is wrong with which image.
         """
         left, right = _checked(left, right)
         with _KERNELS:
-            numba.set_num_threads(min(self.threads or numba.config.NUMBA_NUM_THREADS, numba.config.NUMBA_NUM_THREADS))
+            numba.set_num_threads(min(self.threads or _CORES, _CORES))
             return self._compute(left, right, self.parameters)
 
     def warm_up(self) -> None:
@@ -71,7 +74,7 @@ class StereoMatcher:
             matcher.compute(small, small)
 
     def _compute(
-        self, left: NDArray[np.generic], right: NDArray[np.generic], parameters: MatcherParameters
+        self, left: Image, right: Image, parameters: MatcherParameters
     ) -> DisparityResult:
         height, width = left.shape[:2]
         clock = _StageClock()
@@ -98,7 +101,7 @@ class StereoMatcher:
             disparity = refine(winner[0], vertex if parameters.subpixel else None, valid, left, parameters)
         return DisparityResult(disparity, valid, clock.milliseconds())
 
-    def _buffers_for(self, image: NDArray[np.generic], parameters: MatcherParameters) -> _Buffers:
+    def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
         layout = _Layout(
             height=image.shape[0],
@@ -166,23 +169,24 @@ class _StageClock:
 
 
 def _checked(
-    left: NDArray[np.generic], right: NDArray[np.generic]
-) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+    left: Image, right: Image
+) -> tuple[Image, Image]:
     for name, image in (('left', left), ('right', right)):
         if not isinstance(image, np.ndarray):
             raise ValueError(f'{name} image: {type(image).__name__} is not allowed: it must be a numpy array')
         if image.dtype not in (np.uint8, np.uint16):
             raise ValueError(f'{name} image: dtype {image.dtype} is not allowed: it must be uint8 or uint16')
         if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] != 3) or 0 in image.shape:
-            raise ValueError(f'{name} image: shape {image.shape} is not allowed: it must be (H, W) or (H, W, 3), not empty')
+            raise ValueError(f'{name} image: shape {image.shape} is not allowed: '
+                             'it must be (H, W) or (H, W, 3), not empty')
     if left.shape != right.shape or left.dtype != right.dtype:
         raise ValueError(f'left image {left.shape} {left.dtype} and right image {right.shape} {right.dtype} '
                          'must have the same shape and dtype')
     # numba compiles anew for read-only arrays, which messages give: a copy is cheaper.
-    return np.require(left, requirements='CW'), np.require(right, requirements='CW')
+    return np.require(left, requirements=('C', 'W')), np.require(right, requirements=('C', 'W'))
 
 
-def _tree_guide(image: NDArray[np.generic], parameters: MatcherParameters) -> NDArray[np.uint8]:
+def _tree_guide(image: Image, parameters: MatcherParameters) -> Uint8:
     """The image the tree is built on: 8 bit, so that an edge weighs 0..255 grey levels, smoothed if wanted."""
-    guide = (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
-    return guide if parameters.guide_blur == 1 else cv2.medianBlur(guide, parameters.guide_blur)
+    guide: Uint8 = (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
+    return guide if parameters.guide_blur == 1 else np.asarray(cv2.medianBlur(guide, parameters.guide_blur), np.uint8)

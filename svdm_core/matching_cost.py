@@ -10,8 +10,8 @@ from __future__ import annotations
 import cv2
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import Float32, Image, Int32
 from .parameters import MatcherParameters
 
 # Disparities worked on at a time by one thread. 16 float32 are one cache line a node, and a block of
@@ -25,7 +25,7 @@ _NO_PARTNER = np.float32(1e3)
 _CHUNK = 4096
 
 
-def empty_planes(height: int, width: int, channels: int, end: int) -> NDArray[np.float32]:
+def empty_planes(height: int, width: int, channels: int, end: int) -> Float32:
     """Room for `fill_planes`, float32 (2, C + 1, H, W + end), with `_NO_PARTNER` in the columns from W on.
 
     end: the disparity behind the last one of the last block that `matching_cost_blocks` will compute.
@@ -34,7 +34,7 @@ def empty_planes(height: int, width: int, channels: int, end: int) -> NDArray[np
 
 
 def fill_planes(
-    left: NDArray[np.generic], right: NDArray[np.generic], kind: str, planes: NDArray[np.float32]
+    left: Image, right: Image, kind: str, planes: Float32
 ) -> None:
     """Write what stage 1 compares: the left view and, mirrored, the right view.
 
@@ -46,13 +46,13 @@ def fill_planes(
         _fill_planes(colours, gradient(_grey(image), kind), _unit(image), view == 1, planes[view])
 
 
-def intensities(image: NDArray[np.generic]) -> NDArray[np.float32]:
+def intensities(image: Image) -> Float32:
     """uint8 or uint16 (H, W) or (H, W, 3) as float32 planes (C, H, W) on 0..1."""
     planes = np.moveaxis(image.reshape(*image.shape[:2], -1), 2, 0)
     return planes.astype(np.float32, order='C') * _unit(image)
 
 
-def gradient(grey: NDArray[np.generic], kind: str) -> NDArray[np.float32]:
+def gradient(grey: Image, kind: str) -> Float32:
     """Gradient of a grey uint8 or uint16 image (H, W) on intensities 0..1, borders replicated; float32 (H, W).
 
     'horizontal' is the signed x difference of eq 3, halved; 'magnitude' is eq 5, differences not halved.
@@ -62,22 +62,22 @@ def gradient(grey: NDArray[np.generic], kind: str) -> NDArray[np.float32]:
     return result
 
 
-def _unit(image: NDArray[np.generic]) -> np.float32:
+def _unit(image: Image) -> np.float32:
     """Intensity on 0..1 of one grey level of the image."""
     return np.float32(1 / 255 if image.dtype == np.uint8 else 1 / 65535)
 
 
-def _grey(image: NDArray[np.generic]) -> NDArray[np.generic]:
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+def _grey(image: Image) -> Image:
+    return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
 def matching_cost_blocks(
-    partner: NDArray[np.int32],
-    values: NDArray[np.float32],
-    planes: NDArray[np.float32],
+    partner: Int32,
+    values: Float32,
+    planes: Float32,
     first: int,
     parameters: MatcherParameters,
-    cost: NDArray[np.float32],
+    cost: Float32,
 ) -> None:
     """Fill cost (2, blocks, N, BLOCK) for both views; block b starts at disparity min_disparity + first + b * BLOCK.
 
@@ -90,7 +90,7 @@ def matching_cost_blocks(
 
 
 @numba.njit(cache=True, parallel=True)
-def _gradient(grey, unit, magnitude, result):
+def _gradient(grey: Image, unit: np.float32, magnitude: bool, result: Float32) -> None:
     height, width = grey.shape
     for y in numba.prange(height):
         above, row, below = grey[max(y - 1, 0)], grey[y], grey[min(y + 1, height - 1)]
@@ -104,7 +104,7 @@ def _gradient(grey, unit, magnitude, result):
 
 
 @numba.njit(cache=True, parallel=True)
-def _fill_planes(image, gradients, unit, mirrored, planes):
+def _fill_planes(image: Image, gradients: Float32, unit: np.float32, mirrored: bool, planes: Float32) -> None:
     height, width, channels = image.shape
     for y in numba.prange(height):
         for c in range(channels + 1):
@@ -115,7 +115,7 @@ def _fill_planes(image, gradients, unit, mirrored, planes):
 
 
 @numba.njit(cache=True, parallel=True)
-def node_values(planes, pixel, width):
+def node_values(planes: Float32, pixel: Int32, width: int) -> tuple[Int32, Float32]:
     """What stage 1 needs of each view's nodes: planes (2, C + 1, H, pitch), pixel int32 (2, N).
 
     Returns partner, int32 (2, N): flat index of the node's partner at disparity 0 in the other view's
@@ -136,7 +136,10 @@ def node_values(planes, pixel, width):
 
 
 @numba.njit(cache=True)
-def _cost_block(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
+def _cost_block(
+    partner: Int32, values: Float32, planes: Float32, first: int, tau_ad: np.float32, tau_gm: np.float32,
+    alpha: np.float32, cost: Float32,
+) -> None:
     """cost[k, j] (N, BLOCK): matching cost of node k at disparity first + j (eq 8).
 
     partner: int32 (N,), flat index of the node's partner at disparity 0 in the other view's `planes`
@@ -163,7 +166,10 @@ def _cost_block(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
 
 
 @numba.njit(cache=True, parallel=True)
-def _cost_blocks(partner, values, planes, first, tau_ad, tau_gm, alpha, cost):
+def _cost_blocks(
+    partner: Int32, values: Float32, planes: Float32, first: int, tau_ad: np.float32, tau_gm: np.float32,
+    alpha: np.float32, cost: Float32,
+) -> None:
     views, blocks = cost.shape[:2]
     for task in numba.prange(views * blocks):
         view, block = task // blocks, task % blocks

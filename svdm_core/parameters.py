@@ -9,7 +9,9 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -46,13 +48,14 @@ class ParameterInfo:
         return f'{self.minimum} to {self.maximum}'
 
     def check(self, value: Any) -> bool | int | float | str:
-        """Return `value` in the parameter's own type, or raise ValueError naming parameter, value and what is allowed."""
+        """`value` in the parameter's own type. Raises ValueError naming parameter, value and what is allowed."""
         converted = _converted(value, self.type)
         if converted is None or not self._holds(converted):
             unit = f' {self.unit}' if self.unit else ''
             kind = {int: 'an integer, ', float: 'a number, '}.get(self.type, '')
             raise ValueError(f'{self.name} = {value!r} is not allowed: it must be {kind}{self.allowed}{unit}')
-        return converted
+        result: bool | int | float | str = converted
+        return result
 
     def _holds(self, value: bool | int | float | str) -> bool:
         if self.choices:
@@ -67,15 +70,12 @@ class ParameterInfo:
 
 def _converted(value: Any, wanted: type) -> Any:
     """`value` as `wanted` where no meaning is lost (1 for 1.0, 31.0 for 31), else None."""
+    if isinstance(value, np.generic):
+        value = value.item()
     if wanted in (bool, str):
         return value if isinstance(value, wanted) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        try:  # numpy scalars and the like
-            value = value.item()
-        except AttributeError:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            return None
+        return None
     if wanted is int:
         return int(value) if math.isfinite(value) and value == int(value) else None
     return float(value)
@@ -151,7 +151,7 @@ class MatcherParameters:
 
 def _table() -> Iterator[ParameterInfo]:
     for field in dataclasses.fields(MatcherParameters):
-        yield ParameterInfo(name=field.name, default=field.default, **field.metadata)
+        yield ParameterInfo(name=field.name, default=cast(Any, field.default), **field.metadata)
 
 
 _TABLE = tuple(_table())

@@ -19,7 +19,7 @@ def preset_folder() -> Path:
     for place in places:
         if (place / 'default.yaml').is_file():
             return place
-    raise FileNotFoundError(f'the presets are not installed: no default.yaml in {places[0]} nor in share/svdm_ros/config')
+    raise FileNotFoundError(f'no presets installed: no default.yaml in {places[0]} nor in share/svdm_ros/config')
 
 
 def preset_names() -> list[str]:
@@ -37,7 +37,8 @@ def load_preset(name_or_path: str | Path) -> MatcherParameters:
     if path.suffix not in ('.yaml', '.yml'):
         path = preset_folder() / f'{name_or_path}.yaml'
         if not path.is_file():
-            raise FileNotFoundError(f'no preset {str(name_or_path)!r}: there are {", ".join(preset_names())}, or give a .yaml file')
+            known = ', '.join(preset_names())
+            raise FileNotFoundError(f'no preset {str(name_or_path)!r}: there are {known}, or give a .yaml file')
     if not path.is_file():
         raise FileNotFoundError(f'no preset file {path}')
     try:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Int32, Uint8
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 
 
 def minimum_spanning_trees(
-    left: NDArray[np.uint8], right: NDArray[np.uint8]
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
+    left: Uint8, right: Uint8
+) -> tuple[Int32, Int32, Uint8]:
     """Minimum spanning trees of two guides, uint8 (H, W) or (H, W, C), each in breadth-first order.
 
     Returns, each (2, N) with N = H * W:
@@ -33,7 +34,7 @@ def minimum_spanning_trees(
 
 
 @numba.njit(cache=True)
-def _edge_weights(planes, across, down):
+def _edge_weights(planes: Uint8, across: Uint8, down: Uint8) -> None:
     """across[y, x], down[y, x]: largest channel difference to the pixel on the right, below."""
     channels, height, width = planes.shape
     for y in range(height):
@@ -53,7 +54,7 @@ def _edge_weights(planes, across, down):
 
 
 @numba.njit(cache=True)
-def _sorted_edges(across, down):
+def _sorted_edges(across: Uint8, down: Uint8) -> Int32:
     """Edges by weight, ties in row order (counting sort); an edge is 2 * pixel, + 1 when it goes down."""
     height, width = across.shape
     start = np.zeros(257, np.int32)
@@ -63,8 +64,8 @@ def _sorted_edges(across, down):
         if y < height - 1:
             for x in range(width):
                 start[np.int32(down[y, x]) + 1] += 1
-    for w in range(256):
-        start[w + 1] += start[w]
+    for level in range(256):
+        start[level + 1] += start[level]
     edges = np.empty(start[256], np.int32)
     for y in range(height):
         for x in range(width):
@@ -81,7 +82,7 @@ def _sorted_edges(across, down):
 
 
 @numba.njit(cache=True, inline='always')
-def _root(above, node):
+def _root(above: Int32, node: np.int32) -> np.int32:
     while above[node] != node:
         above[node] = above[above[node]]
         node = above[node]
@@ -89,7 +90,7 @@ def _root(above, node):
 
 
 @numba.njit(cache=True)
-def _tree_links(edges, n, width):
+def _tree_links(edges: Int32, n: int, width: int) -> Uint8:
     """Kruskal: for each pixel the directions (RIGHT | LEFT | DOWN | UP) in which the tree goes on."""
     above = np.arange(n).astype(np.int32)
     links = np.zeros(n, np.uint8)
@@ -113,7 +114,7 @@ def _tree_links(edges, n, width):
 
 
 @numba.njit(cache=True)
-def _breadth_first(links, across, down, pixel, parent, weight):
+def _breadth_first(links: Uint8, across: Uint8, down: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
     width = across.shape[1]
     pixel[0] = parent[0] = weight[0] = 0
     end = 1
@@ -139,13 +140,13 @@ def _breadth_first(links, across, down, pixel, parent, weight):
 
 
 @numba.njit(cache=True, parallel=True)
-def _spanning_trees(planes, pixel, parent, weight):
+def _spanning_trees(planes: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
     for view in numba.prange(planes.shape[0]):
         _spanning_tree(planes[view], pixel[view], parent[view], weight[view])
 
 
 @numba.njit(cache=True)
-def _spanning_tree(planes, pixel, parent, weight):
+def _spanning_tree(planes: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
     _, height, width = planes.shape
     across, down = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
     _edge_weights(planes, across, down)

@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from .arrays import Bool, Float32, Int32
+
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
 _LARGEST_EXPONENT = np.float32(40)
 
@@ -23,13 +25,13 @@ _CHUNK = 256
 
 
 def weighted_median(
-    labels: NDArray[np.int32],
-    guide: NDArray[np.float32],
-    wanted: NDArray[np.bool_] | None,
+    labels: Int32,
+    guide: Float32,
+    wanted: Bool | None,
     window: int,
     sigma_s: float,
     sigma_c: float,
-) -> NDArray[np.int32]:
+) -> Int32:
     """Replace labels by the weighted median of the window around them, cut off at the image border.
 
     labels: int32 (H, W) >= 0, the disparities as integers. guide: float32 (C, H, W), C 1 or 3, on 0..1.
@@ -51,7 +53,7 @@ def weighted_median(
     return result
 
 
-def _spatial_exponents(window: int, sigma_s: float) -> NDArray[np.float32]:
+def _spatial_exponents(window: int, sigma_s: float) -> Float32:
     """|p - q|^2 / sigma_s^2 over the window, float32 (window, columns): columns filled up to whole vectors."""
     offsets = np.arange(window) - window // 2
     exponents = np.full((window, -(-window // _LANES) * _LANES), _LARGEST_EXPONENT, np.float32)
@@ -65,7 +67,7 @@ def _weight_scale(window: int) -> np.float32:
 
 
 @numba.njit(cache=True, inline='always')
-def _exp_minus(x):
+def _exp_minus(x: np.float32) -> np.float32:
     """exp(-x) for 0 <= x, to 1e-6 absolutely: its cubic at x / 64, squared six times; no branch, no table."""
     y = min(x, _LARGEST_EXPONENT) * np.float32(1 / 64)
     e = np.float32(1) - y * (np.float32(1) - y * (np.float32(1 / 2) - y * np.float32(1 / 6)))
@@ -78,7 +80,7 @@ def _exp_minus(x):
 
 
 @numba.njit(cache=True)
-def _row_weights_grey(a, b, exponent, scale, weights):
+def _row_weights_grey(a: Float32, b: Float32, exponent: np.float32, scale: np.float32, weights: Int32) -> None:
     """Integer weights between pixels of two pieces of row: guide values over sigma_c (n,), `exponent` added."""
     for i in range(weights.size):
         u = a[i] - b[i]
@@ -86,7 +88,10 @@ def _row_weights_grey(a, b, exponent, scale, weights):
 
 
 @numba.njit(cache=True)
-def _row_weights_colour(a0, a1, a2, b0, b1, b2, exponent, scale, weights):
+def _row_weights_colour(
+    a0: Float32, a1: Float32, a2: Float32, b0: Float32, b1: Float32, b2: Float32, exponent: np.float32,
+    scale: np.float32, weights: Int32,
+) -> None:
     """The same for three channels."""
     for i in range(weights.size):
         u, v, w = a0[i] - b0[i], a1[i] - b1[i], a2[i] - b2[i]
@@ -94,7 +99,7 @@ def _row_weights_colour(a0, a1, a2, b0, b1, b2, exponent, scale, weights):
 
 
 @numba.njit(cache=True)
-def _weigh_labels(weights, here, there, balance, equal):
+def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equal: Int32) -> None:
     """Add each weight to `equal` where the labels agree, else with its sign to `balance`."""
     for i in range(weights.size):
         label, other, weight = here[i], there[i], weights[i]
@@ -103,7 +108,7 @@ def _weigh_labels(weights, here, there, balance, equal):
 
 
 @numba.njit(cache=True, parallel=True)
-def _settle(labels, guide, exponents, window, scale, settled):
+def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scale: np.float32, settled: Bool) -> None:
     """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
 
     Whole rows at a time, one offset of the window after the other, so that neighbouring pixels share
@@ -131,7 +136,10 @@ def _settle(labels, guide, exponents, window, scale, settled):
 
 
 @numba.njit(cache=True, parallel=True)
-def _search(labels, guide, pixels, exponents, window, scale, result):
+def _search(
+    labels: Int32, guide: Float32, pixels: NDArray[np.int64], exponents: Float32, window: int, scale: np.float32,
+    result: Int32,
+) -> None:
     """result[p] = weighted median at each flat pixel index p of `pixels`; labels and guide have their margins."""
     width = result.shape[1]
     r = window // 2
@@ -149,7 +157,7 @@ def _search(labels, guide, pixels, exponents, window, scale, result):
 
 
 @numba.njit(cache=True)
-def _window_labels(labels, y, x, exponents, near):
+def _window_labels(labels: Int32, y: int, x: int, exponents: Float32, near: Int32) -> None:
     rows, columns = exponents.shape
     for i in range(rows):
         for j in range(0, columns, _LANES):
@@ -159,7 +167,9 @@ def _window_labels(labels, y, x, exponents, near):
 
 
 @numba.njit(cache=True)
-def _window_weights_grey(guide, y, x, r, exponents, scale, weights):
+def _window_weights_grey(
+    guide: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32, weights: Int32,
+) -> None:
     """Integer weights of the window around pixel (y, x), row after row; guide (H, W) with margins."""
     rows, columns = exponents.shape
     a = guide[y + r, x + r]
@@ -173,7 +183,10 @@ def _window_weights_grey(guide, y, x, r, exponents, scale, weights):
 
 
 @numba.njit(cache=True)
-def _window_weights_colour(g0, g1, g2, y, x, r, exponents, scale, weights):
+def _window_weights_colour(
+    g0: Float32, g1: Float32, g2: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32,
+    weights: Int32,
+) -> None:
     """The same for three channels."""
     rows, columns = exponents.shape
     a0, a1, a2 = g0[y + r, x + r], g1[y + r, x + r], g2[y + r, x + r]
@@ -188,7 +201,7 @@ def _window_weights_colour(g0, g1, g2, y, x, r, exponents, scale, weights):
 
 
 @numba.njit(cache=True)
-def _weight_up_to(near, weights, label):
+def _weight_up_to(near: Int32, weights: Int32, label: int) -> np.int32:
     total = np.int32(0)
     for i in range(near.size):
         total += np.int32(near[i] <= label) * weights[i]
@@ -196,7 +209,7 @@ def _weight_up_to(near, weights, label):
 
 
 @numba.njit(cache=True)
-def _median(near, weights, guess):
+def _median(near: Int32, weights: Int32, guess: int) -> np.int32:
     """Smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
     highest = np.int32(0)
     lowest = near[0]
@@ -212,4 +225,4 @@ def _median(near, weights, guess):
         else:
             lowest = middle + np.int32(1)
         guess = (lowest + highest) >> 1
-    return lowest
+    return np.int32(lowest)

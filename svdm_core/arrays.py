@@ -1,0 +1,11 @@
+"""Names for the arrays that go from stage to stage. Shapes stand in the docstrings."""
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Image = NDArray[Any]  # uint8 or uint16, (H, W) grey or (H, W, 3) BGR
+Bool = NDArray[np.bool_]
+Uint8 = NDArray[np.uint8]
+Int32 = NDArray[np.int32]
+Float32 = NDArray[np.float32]
