@@ -63,12 +63,8 @@ class Winners:
 @numba.njit(cache=True, inline='always')
 def _smallest(bits: Int32, count: int) -> np.int32:
     smallest = _NO_COST
-    if count == BLOCK:  # a constant trip count compiles to vector code
-        for j in range(BLOCK):
-            smallest = min(smallest, bits[j])
-    else:
-        for j in range(count):
-            smallest = min(smallest, bits[j])
+    for j in range(count):
+        smallest = min(smallest, bits[j])
     return smallest
 
 

@@ -145,22 +145,24 @@ def _cost_block(
     partner: int32 (N,), flat index of the node's partner at disparity 0 in the other view's `planes`
     (C + 1, H * pitch); values: (N, C + 1).
     """
+    # Not the constant BLOCK: such a short loop would be unrolled and lose its vector instructions.
+    size = cost.shape[1]
     one, gradients = planes[0], planes[planes.shape[0] - 1]
     if planes.shape[0] == 2:
         for k in range(partner.size):
             start = partner[k] + first
-            row, a, g = cost[k], one[start:start + BLOCK], gradients[start:start + BLOCK]
+            row, a, g = cost[k], one[start:start + size], gradients[start:start + size]
             v0, vg = values[k, 0], values[k, 1]
-            for j in range(BLOCK):
+            for j in range(size):
                 row[j] = min(abs(v0 - a[j]), tau_ad) + alpha * min(abs(vg - g[j]), tau_gm)
         return
     two, three = planes[1], planes[2]
     for k in range(partner.size):
         start = partner[k] + first
-        row, a, b = cost[k], one[start:start + BLOCK], two[start:start + BLOCK]
-        c, g = three[start:start + BLOCK], gradients[start:start + BLOCK]
+        row, a, b = cost[k], one[start:start + size], two[start:start + size]
+        c, g = three[start:start + size], gradients[start:start + size]
         v0, v1, v2, vg = values[k, 0], values[k, 1], values[k, 2], values[k, 3]
-        for j in range(BLOCK):
+        for j in range(size):
             difference = (abs(v0 - a[j]) + abs(v1 - b[j]) + abs(v2 - c[j])) * np.float32(1 / 3)
             row[j] = min(difference, tau_ad) + alpha * min(abs(vg - g[j]), tau_gm)
 

@@ -160,10 +160,9 @@ def _search(
 def _window_labels(labels: Int32, y: int, x: int, exponents: Float32, near: Int32) -> None:
     rows, columns = exponents.shape
     for i in range(rows):
-        for j in range(0, columns, _LANES):
-            to, source = near[i * columns + j:i * columns + j + _LANES], labels[y + i, x + j:x + j + _LANES]
-            for k in range(_LANES):
-                to[k] = source[k]
+        to, source = near[i * columns:(i + 1) * columns], labels[y + i, x:x + columns]
+        for k in range(columns):
+            to[k] = source[k]
 
 
 @numba.njit(cache=True)
@@ -174,12 +173,10 @@ def _window_weights_grey(
     rows, columns = exponents.shape
     a = guide[y + r, x + r]
     for i in range(rows):
-        for j in range(0, columns, _LANES):
-            b, exponent = guide[y + i, x + j:x + j + _LANES], exponents[i, j:j + _LANES]
-            to = weights[i * columns + j:i * columns + j + _LANES]
-            for k in range(_LANES):
-                u = a - b[k]
-                to[k] = np.int32(_exp_minus(exponent[k] + u * u) * scale)
+        b, exponent, to = guide[y + i, x:x + columns], exponents[i], weights[i * columns:(i + 1) * columns]
+        for k in range(columns):
+            u = a - b[k]
+            to[k] = np.int32(_exp_minus(exponent[k] + u * u) * scale)
 
 
 @numba.njit(cache=True)
@@ -191,13 +188,11 @@ def _window_weights_colour(
     rows, columns = exponents.shape
     a0, a1, a2 = g0[y + r, x + r], g1[y + r, x + r], g2[y + r, x + r]
     for i in range(rows):
-        for j in range(0, columns, _LANES):
-            b0, b1 = g0[y + i, x + j:x + j + _LANES], g1[y + i, x + j:x + j + _LANES]
-            b2, exponent = g2[y + i, x + j:x + j + _LANES], exponents[i, j:j + _LANES]
-            to = weights[i * columns + j:i * columns + j + _LANES]
-            for k in range(_LANES):
-                u, v, w = a0 - b0[k], a1 - b1[k], a2 - b2[k]
-                to[k] = np.int32(_exp_minus(exponent[k] + (u * u + v * v + w * w)) * scale)
+        b0, b1, b2 = g0[y + i, x:x + columns], g1[y + i, x:x + columns], g2[y + i, x:x + columns]
+        exponent, to = exponents[i], weights[i * columns:(i + 1) * columns]
+        for k in range(columns):
+            u, v, w = a0 - b0[k], a1 - b1[k], a2 - b2[k]
+            to[k] = np.int32(_exp_minus(exponent[k] + (u * u + v * v + w * w)) * scale)
 
 
 @numba.njit(cache=True)
