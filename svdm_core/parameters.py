@@ -44,7 +44,8 @@ class ParameterInfo:
         if self.type is bool:
             return 'true | false'
         if self.step > 1:
-            return f'{self.minimum}, {int(self.minimum or 0) + self.step} ... {self.maximum}'
+            values = range(int(self.minimum or 0), int(self.maximum or 0) + 1, self.step)
+            return ', '.join(map(str, values)) if len(values) < 5 else f'{values[0]}, {values[1]} ... {values[-1]}'
         return f'{self.minimum} to {self.maximum}'
 
     def check(self, value: Any) -> bool | int | float | str:

@@ -1,0 +1,1 @@
+"""The matcher of `svdm_core` as a ROS 2 node."""

@@ -1,0 +1,68 @@
+"""`python -m svdm_ros.demo`: see the node work on a real stereo pair."""
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+
+from .processes import DemoError
+
+NEEDED = {
+    'rclpy': 'ROS 2', 'stereo_msgs': 'ROS 2', 'skimage': 'scikit-image', 'matplotlib': 'matplotlib', 'rich': 'rich'
+}
+INTERRUPTED = 130  # as a shell reports Ctrl-C
+
+
+def main() -> int:
+    """Entry point; returns the exit code: 0, 1 with one line that says what went wrong, 130 when interrupted."""
+    arguments = _parse()
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        _check_installed()
+        from .run import Settings, run_demo  # needs what was checked
+
+        run_demo(Settings(arguments.output, arguments.frames, arguments.rate))
+    except DemoError as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('demo: interrupted, all processes ended', file=sys.stderr)
+        return INTERRUPTED
+    return 0
+
+
+def _parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog='svdm_demo', description=__doc__)
+    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for picture and summary')
+    parser.add_argument('--frames', type=_positive(int), default=20, help='disparity images before and after each')
+    parser.add_argument('--rate', type=_positive(float), default=10.0, help='stereo pairs sent a second')
+    return parser.parse_args()
+
+
+def _positive(kind: type) -> object:
+    def convert(text: str) -> float:
+        value = kind(text)
+        if not 0 < value < float('inf'):
+            raise ValueError
+        return value
+
+    convert.__name__ = f'positive {kind.__name__}'  # argparse names it in its message
+    return convert
+
+
+def _check_installed() -> None:
+    missing = sorted({name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None})
+    if missing:
+        names = ' and '.join(missing)
+        raise DemoError(f'{names} not found: run `make demo`, or source ROS 2 Jazzy and install the rest with pip')
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,153 @@
+"""The course of the demo, from the start of the node to the files with the result."""
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.signals import SignalHandlerOptions
+
+from svdm_core import load_preset
+from svdm_core.presets import preset_folder
+
+from . import summary as figures
+from .display import Display
+from .output_folder import prepare_output_folder
+from .picture import draw_comparison
+from .processes import Child, isolated_environment, write_profile
+from .publisher import SENT
+from .scene import MOTORCYCLE, NUM_DISPARITIES, Scene, load_scene
+from .session import Frame, Session
+
+START_PRESET, TUNED_PRESET = 'paper_start', 'paper'
+TUNED = ('alpha', 'sigma_s', 'sigma_c', 'w_p')  # what the paper's study optimises
+READY = 'ready: '  # the node's log says so when its kernels are compiled
+START_TIMEOUT = 30.0  # s
+COMPILE_TIMEOUT = 180.0  # s, on a slow machine
+FRAME_TIMEOUT = 20.0  # s
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Settings:
+    """output: folder for the result. frames: to be received before and after each. rate: pairs sent a second, Hz."""
+
+    output: Path
+    frames: int = 20
+    rate: float = 10.0
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Recording:
+    """What a run has gathered: the frames of either phase, everything received, and the traffic's numbers."""
+
+    before: Sequence[Frame]
+    after: Sequence[Frame]
+    received: Sequence[Frame]
+    traffic: figures.Traffic
+
+
+def run_demo(settings: Settings) -> dict[str, Any]:
+    """Run it all and write comparison.png and summary.json; returns the summary. Raises DemoError (`processes`)."""
+    folder = prepare_output_folder(settings.output)
+    os.environ.update(isolated_environment(
+        folder / 'ros_log', write_profile(preset_folder() / 'fastdds.xml', folder / 'fastdds.xml')))
+    with Display() as display:
+        recording = record(settings, folder, display)
+        with display.stage('Comparing with the ground truth, drawing'):
+            summary = evaluate(recording, folder)
+    display.result(summary)
+    for name in ('comparison.png', 'summary.json'):
+        display.line(f'written: {os.path.relpath(folder / name)}')
+    return summary
+
+
+def record(settings: Settings, folder: Path, display: Display) -> Recording:
+    """Start the node and the camera, receive, re-tune, receive again. Nothing is left running."""
+    with contextlib.ExitStack() as stack:
+        preset = preset_folder() / f'{START_PRESET}.yaml'
+        node = _started(stack, Child(
+            'node', folder / 'node.log', 'svdm_ros.disparity_node', '--ros-args',
+            '--params-file', str(preset), '-p', f'num_disparities:={NUM_DISPARITIES}'))
+        children = [node]
+        session = stack.enter_context(_session(lambda: [child.check() for child in children]))
+        with display.stage('Starting disparity_node, a process of its own'):
+            session.wait_for_node(START_TIMEOUT)
+        with display.stage('Preparing its kernels (the first time: a minute)'):
+            session.wait_for(lambda: READY in node.output(), COMPILE_TIMEOUT, 'the node has been preparing its kernels')
+
+        with display.stage(f'Starting the camera: Motorcycle at {settings.rate:g} Hz'):
+            camera = _started(stack, Child(
+                'camera', folder / 'publisher.log', 'svdm_ros.demo.publisher', '--rate', str(settings.rate)))
+            children.append(camera)
+            session.wait_for(lambda: bool(session.frames), START_TIMEOUT, 'no disparity image arrived')
+        with display.stage(f'Receiving with preset {START_PRESET}', settings.frames) as progress:
+            before = session.collect(settings.frames, 0, FRAME_TIMEOUT, progress)
+
+        values = _values(TUNED_PRESET)
+        with display.stage(f'Setting {", ".join(values)} while it runs'):
+            changed_at = session.set_parameters(values)
+        with display.stage('Receiving with the new parameters', settings.frames) as progress:
+            # Sent after the node's consent: matched with the new set. A frame in work at the change belongs to neither.
+            after = session.collect(settings.frames, changed_at, FRAME_TIMEOUT, progress)
+
+        with display.stage('Stopping the camera, counting'):
+            children.remove(camera)
+            camera.stop()
+            sent = camera.output().count(SENT)
+            session.wait_until_settled(sent)
+        traffic = figures.Traffic(sent, len(session.frames), session.superseded())
+        return Recording(before, after, session.frames, traffic)
+
+
+def evaluate(recording: Recording, folder: Path) -> dict[str, Any]:
+    """Judge the last frame of either phase; writes comparison.png and summary.json, returns the summary."""
+    scene = load_scene()
+    offsets = {name: figures.pixel_offset(frames[-1].disparity, MOTORCYCLE.principal_offset)
+               for name, frames in (('before', recording.before), ('after', recording.after))}
+    summary = {
+        **recording.traffic.as_dict(),
+        **figures.speed(recording.received),
+        'before': _phase(recording.before, offsets['before'], scene),
+        'after': _phase(recording.after, offsets['after'], scene),
+        'changed': figures.changed(_values(START_PRESET), _values(TUNED_PRESET)),
+    }
+    draw_comparison(folder / 'comparison.png', scene, offsets['before'], offsets['after'], summary)
+    (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
+    return summary
+
+
+def _phase(frames: Sequence[Frame], offset: NDArray[np.float32], scene: Scene) -> dict[str, Any]:
+    """Figures of one phase. All its frames show the same scene: `distinct` (to the bit) is 1 where all is well."""
+    return {
+        **figures.quality(offset, scene.ground_truth),
+        'frames': len(frames),
+        'distinct': len({frame.disparity.tobytes() for frame in frames}),
+        **figures.speed(frames),
+    }
+
+
+def _values(preset: str) -> dict[str, Any]:
+    parameters = load_preset(preset).as_dict()
+    return {name: parameters[name] for name in TUNED}
+
+
+def _started(stack: contextlib.ExitStack, child: Child) -> Child:
+    stack.callback(child.stop)
+    return child
+
+
+@contextlib.contextmanager
+def _session(check: Any) -> Iterator[Session]:
+    # Ctrl-C stays Python's, so that it ends this function and with it the children.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield Session(check)
+    finally:
+        rclpy.try_shutdown()

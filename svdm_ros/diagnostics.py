@@ -1,0 +1,44 @@
+"""The counts as diagnostic_msgs/DiagnosticArray."""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+
+    from .frame_statistics import FrameCounts
+
+
+def diagnostic_array(
+    name: str, stamp: Time, counts: FrameCounts, rate: float, ready: bool, trouble: str = ''
+) -> DiagnosticArray:
+    """One status: OK, or WARN with `trouble`; values are totals, Hz and ms, latency from arrival to publication."""
+    status = DiagnosticStatus(name=name, hardware_id='')
+    status.level = DiagnosticStatus.WARN if trouble or not ready else DiagnosticStatus.OK
+    status.message = trouble or (f'{rate:.1f} Hz' if ready else 'compiling')
+    values = {
+        'left images': str(counts.received['left']),
+        'right images': str(counts.received['right']),
+        'pairs': str(counts.pairs),
+        'published': str(counts.published),
+        'rate (Hz)': f'{rate:.2f}',
+        **_latencies(counts.latencies),
+        **{f'{stage} (ms)': f'{milliseconds:.1f}' for stage, milliseconds in counts.timings.items()},
+        **{f'dropped: {reason}': str(count) for reason, count in counts.dropped.items()},
+    }
+    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = stamp
+    return message
+
+
+def _latencies(latencies: tuple[float, ...]) -> dict[str, str]:
+    if not latencies:
+        return {}
+    ordered = sorted(latencies)
+    return {
+        'latency p50 (ms)': f'{ordered[len(ordered) // 2] * 1e3:.1f}',
+        'latency p95 (ms)': f'{ordered[min(len(ordered) - 1, len(ordered) * 95 // 100)] * 1e3:.1f}',
+    }

@@ -1,0 +1,244 @@
+"""The disparity node: left and right image_rect and camera_info in, stereo_msgs/DisparityImage out."""
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import qos_policy_name_from_kind
+from rclpy.qos_overriding_options import InvalidQosOverridesError
+from sensor_msgs.msg import CameraInfo, Image
+from stereo_msgs.msg import DisparityImage
+
+from .diagnostics import diagnostic_array
+from .frame_processing import FrameError, FrameProcessor, StereoFrame
+from .frame_statistics import FrameStatistics
+from .node_parameters import DeclaredParameters, NodeParameters, unknown_parameter_line
+from .quality_of_service import OVERRIDABLE, incompatible_line, output_qos, sensor_qos
+from .stereo_pairing import SideName, StereoPairer
+from .watchdog import Line, Throttle, Traffic, Watchdog
+from .worker import Worker
+
+_SIDES: tuple[SideName, ...] = ('left', 'right')
+_STATUS_PERIOD = 1.0
+"""Seconds between two diagnostics, and between two looks of the watchdog."""
+_TROUBLE_LASTS = 3.0
+"""Seconds for which diagnostics tell of a trouble after it was last met."""
+
+_WRONG_SETTINGS = (ValueError, TypeError, AssertionError, RuntimeError, ParameterException, InvalidQosOverridesError)
+"""What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
+
+
+class DisparityNode(Node):
+    """Wires the parts: callbacks pair the images, a worker thread matches and publishes, a timer watches.
+
+    Raises ValueError for a start-up parameter out of range.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('disparity_node', automatically_declare_parameters_from_overrides=True)
+        self._statistics = FrameStatistics()
+        self._throttle = Throttle()
+        self._trouble: tuple[float, str] = (-_TROUBLE_LASTS, '')
+        self._published_before = 0
+        self._dropped_before = 0
+        self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(_SIDES)
+        self._pairer: StereoPairer[Image] = StereoPairer()
+        self._settings = DeclaredParameters(self, self._use_parameters)
+        self._use_parameters(self._settings.current)
+        for name in self._settings.unknown:
+            self.get_logger().warning(unknown_parameter_line(name))
+
+        self._publisher = self._create_output()
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
+        self._processor = FrameProcessor()
+        self._worker: Worker[StereoFrame] = Worker(
+            self._warm_up, self._process, self._statistics.count_drop, self._report_failure
+        )
+        for side in _SIDES:
+            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
+            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
+        self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
+        self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
+        # Not the node's clock: with use_sim_time and no /clock it stands still, and silence is what is to be told.
+        self.create_timer(_STATUS_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._worker.start()
+
+    def close(self) -> bool:
+        """Stop the worker; False if it is still busy (compiling, or with a large image)."""
+        return self._worker.stop(timeout=0.3)
+
+    # Set-up
+
+    def _create_output(self) -> Any:
+        topic = self.resolve_topic_name('disparity')
+        return self.create_publisher(
+            DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
+        )
+
+    def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
+        topic = self.resolve_topic_name(name)
+        self.create_subscription(
+            message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
+        )
+
+    def _use_parameters(self, parameters: NodeParameters) -> None:
+        """The pairing's part; the worker looks at `current` before each frame."""
+        self._pairer.tolerance_ns = parameters.tolerance_ns
+        self._pairer.queue_size = parameters.queue_size
+
+    # Callbacks of the executor's thread
+
+    def _take_info(self, side: SideName, info: CameraInfo) -> None:
+        self._infos[side] = info
+
+    def _take_image(self, side: SideName, image: Image) -> None:
+        self._statistics.count_received(side)
+        stamp = image.header.stamp.sec * 1_000_000_000 + image.header.stamp.nanosec
+        jumps = self._pairer.jumps
+        pairs = self._pairer.add(side, stamp, image)
+        if self._pairer.jumps != jumps:
+            self._say(Line('jump', f'the stamps of {self._image_topics[side]} jumped back (a looping bag?): going on'))
+        for pair in pairs:
+            self._statistics.count_pair()
+            left_info, right_info = self._infos['left'], self._infos['right']
+            self._worker.submit(StereoFrame(pair.left, pair.right, left_info, right_info, time.monotonic()))
+
+    def _watch(self) -> None:
+        for side, total in self._pairer.unpaired.items():
+            self._statistics.set_dropped(f'unpaired {side}', total)
+        counts = self._statistics.snapshot()
+        line = self._watchdog.check(time.monotonic(), Traffic(
+            left=counts.received['left'],
+            right=counts.received['right'],
+            pairs=counts.pairs,
+            left_publishers=self.count_publishers(self._image_topics['left']),
+            right_publishers=self.count_publishers(self._image_topics['right']),
+            closest_gap_ns=self._pairer.take_closest_gap(),
+            tolerance_ns=self._pairer.tolerance_ns,
+        ))
+        if line is not None:
+            self._complain(line)
+        if counts.total_dropped > self._dropped_before:
+            text = f'{counts.pairs} pairs, {counts.published} published; images and pairs: {counts.dropped_text()}'
+            self._say(Line('counts', text))
+        rate = (counts.published - self._published_before) / _STATUS_PERIOD
+        self._published_before, self._dropped_before = counts.published, counts.total_dropped
+        since, trouble = self._trouble
+        self._diagnostics.publish(diagnostic_array(
+            self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
+            trouble if time.monotonic() - since < _TROUBLE_LASTS else '',
+        ))
+
+    # The worker's thread
+
+    def _warm_up(self) -> None:
+        self.get_logger().info('compiling the kernels, up to a minute the first time')
+        start = time.monotonic()
+        self._processor.warm_up(self._settings.current)
+        self.get_logger().info(f'ready: kernels compiled or loaded in {time.monotonic() - start:.1f} s')
+
+    def _process(self, frame: StereoFrame) -> None:
+        try:
+            done = self._processor.process(frame, self._settings.current)
+        except FrameError as error:
+            self._statistics.count_drop(error.reason)
+            self._complain(Line(error.reason, str(error)))
+            return
+        self._publisher.publish(done.message)
+        self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
+        if done.geometry_problem:
+            known = f'f = {done.message.f:g}, t = {done.message.t:g}'
+            self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
+
+    def _report_failure(self, error: Exception) -> None:
+        if not self.context.ok():
+            return  # the end of the process, seen from the worker
+        self._statistics.count_drop('failed')
+        details = ''.join(traceback.format_exception(error))
+        self._complain(Line('failed', f'frame dropped by a defect of this node, please report it: {details}'))
+
+    # Log lines, from any thread
+
+    def _complain(self, line: Line) -> None:
+        self._trouble = (time.monotonic(), line.text)
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().warning(text)
+
+    def _say(self, line: Line) -> None:
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().info(text)
+
+    def _report_incompatible(self, topic: str, entity: str, event: Any) -> None:
+        self.get_logger().error(incompatible_line(topic, entity, qos_policy_name_from_kind(event.last_policy_kind)))
+
+
+def _spin(node: Node) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while executor.context.ok():
+        try:
+            executor.spin_once()
+        except (ValueError, TypeError, AssertionError) as error:
+            # rclpy's own parameter services raise on a malformed request; that must not end the node.
+            node.get_logger().error(f'a request was dropped: {error}')
+
+
+def _run() -> int:
+    code, node, idle = 0, None, True
+    try:
+        node = DisparityNode()
+        _spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except _WRONG_SETTINGS as error:
+        # SIGTERM shuts the context down under whatever runs, which then raises; that is no error.
+        if rclpy.ok():
+            if node is not None:
+                raise
+            code = _refuse_to_start(error)
+    finally:
+        if node is not None:
+            idle = node.close()
+        rclpy.try_shutdown()
+    if not idle:
+        # A thread inside a kernel or the compiler crashes when the interpreter is taken down under it.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _refuse_to_start(error: Exception) -> int:
+    rclpy.logging.get_logger('disparity_node').fatal(f'not started: {error}')
+    return 2
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the node; returns the exit code: 0 after SIGINT or SIGTERM, 2 for a start-up setting that is wrong."""
+    try:
+        rclpy.init(args=args)
+    except KeyboardInterrupt:
+        return 0
+    except RuntimeError as error:
+        return _refuse_to_start(error)
+    return _run()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

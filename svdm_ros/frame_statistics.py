@@ -1,0 +1,79 @@
+"""Counts of what came, what went out and what was dropped, and why. Safe to use from any thread."""
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections import Counter, deque
+from collections.abc import Mapping
+
+_LATENCIES_KEPT = 100
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FrameCounts:
+    """A snapshot: totals since the start; `latencies` (s, arrival to publication) and `timings` (ms) of late."""
+
+    received: Mapping[str, int]
+    pairs: int
+    published: int
+    dropped: Mapping[str, int]
+    latencies: tuple[float, ...]
+    timings: Mapping[str, float]
+
+    @property
+    def total_dropped(self) -> int:
+        return sum(self.dropped.values())
+
+    def dropped_text(self) -> str:
+        """'12 dropped (10 superseded, 2 unreadable)', reasons by count."""
+        reasons = sorted(((count, reason) for reason, count in self.dropped.items() if count), reverse=True)
+        return f'{self.total_dropped} dropped' + (
+            f' ({", ".join(f"{count} {reason}" for count, reason in reasons)})' if reasons else ''
+        )
+
+
+class FrameStatistics:
+    """Collects the counts."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._received: Counter[str] = Counter(left=0, right=0)
+        self._dropped: Counter[str] = Counter()
+        self._pairs = self._published = 0
+        self._latencies: deque[float] = deque(maxlen=_LATENCIES_KEPT)
+        self._timings: dict[str, float] = {}
+
+    def count_received(self, side: str) -> None:
+        with self._lock:
+            self._received[side] += 1
+
+    def count_pair(self) -> None:
+        with self._lock:
+            self._pairs += 1
+
+    def count_drop(self, reason: str) -> None:
+        """One more frame dropped for `reason`."""
+        with self._lock:
+            self._dropped[reason] += 1
+
+    def set_dropped(self, reason: str, total: int) -> None:
+        """For drops that are counted elsewhere: the total so far."""
+        with self._lock:
+            self._dropped[reason] = total
+
+    def count_published(self, latency: float, timings: Mapping[str, float]) -> None:
+        with self._lock:
+            self._published += 1
+            self._latencies.append(latency)
+            self._timings = dict(timings)
+
+    def snapshot(self) -> FrameCounts:
+        with self._lock:
+            return FrameCounts(
+                received=dict(self._received),
+                pairs=self._pairs,
+                published=self._published,
+                dropped=dict(self._dropped),
+                latencies=tuple(self._latencies),
+                timings=dict(self._timings),
+            )

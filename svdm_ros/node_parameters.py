@@ -1,0 +1,174 @@
+"""The node's parameters: the matcher's table and the node's own, as dynamic ROS parameters."""
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from svdm_core import MatcherParameters, ParameterInfo, parameter_table
+
+Value = bool | int | float | str
+
+_OWN_TABLE = (
+    ParameterInfo(
+        'approximate_sync_tolerance', 0.0,
+        'largest difference of the stamps of a pair; 0 pairs equal stamps only; keep it below half the frame period',
+        unit='s', minimum=0.0, maximum=10.0),
+    ParameterInfo(
+        'queue_size', 10, 'images a side that wait for their partner', minimum=1, maximum=1000),
+    ParameterInfo(
+        'publish_filled', True,
+        'publish a disparity for every pixel; false: only where the left-right check passed, the rest is invalid'),
+    ParameterInfo(
+        'baseline', 0.0, 'distance of the cameras, in place of the one in right/camera_info; 0 takes that one',
+        unit='m', minimum=0.0, maximum=1000.0),
+    ParameterInfo(
+        'num_threads', 0, 'threads of the matcher; 0 is one a processor', minimum=0, maximum=1024),
+)
+
+
+def node_parameter_table() -> tuple[ParameterInfo, ...]:
+    """All parameters of the node: the matcher's in the order of its stages, then the node's own."""
+    return (*parameter_table(), *_OWN_TABLE)
+
+
+_BY_NAME = {info.name: info for info in node_parameter_table()}
+_MATCHER_NAMES = frozenset(info.name for info in parameter_table())
+_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Start of the names that rclpy declares itself."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class NodeParameters:
+    """One consistent set. Immutable: whoever reads it between two frames has all of it, old or new.
+
+    Raises ValueError naming the parameter, its value and what is allowed.
+    """
+
+    matcher: MatcherParameters = dataclasses.field(default_factory=MatcherParameters)
+    approximate_sync_tolerance: float = 0.0
+    queue_size: int = 10
+    publish_filled: bool = True
+    baseline: float = 0.0
+    num_threads: int = 0
+
+    def __post_init__(self) -> None:
+        for info in _OWN_TABLE:
+            object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
+
+    @property
+    def tolerance_ns(self) -> int:
+        """approximate_sync_tolerance in ns."""
+        return round(self.approximate_sync_tolerance * 1e9)
+
+    def replace(self, values: Mapping[str, Any]) -> NodeParameters:
+        """A copy with `values` changed, checked as a set."""
+        matcher = {name: value for name, value in values.items() if name in _MATCHER_NAMES}
+        own = {name: value for name, value in values.items() if name not in _MATCHER_NAMES}
+        return dataclasses.replace(self, matcher=self.matcher.replace(**matcher), **own)
+
+    def value(self, name: str) -> Value:
+        """The value of one parameter by its ROS name."""
+        value: Value = getattr(self.matcher if name in _MATCHER_NAMES else self, name)
+        return value
+
+
+def descriptor(info: ParameterInfo) -> ParameterDescriptor:
+    """What rqt_reconfigure and `ros2 param describe` show; rclpy enforces type and range from it."""
+    result = ParameterDescriptor(
+        name=info.name,
+        type=Parameter.Type.from_parameter_value(info.default).value,
+        description=f'{info.meaning} [{info.unit}]' if info.unit else info.meaning,
+        additional_constraints=f'one of: {info.allowed}' if info.choices else '',
+    )
+    if info.type is int:
+        result.integer_range = [IntegerRange(from_value=info.minimum, to_value=info.maximum, step=info.step)]
+    elif info.type is float:
+        result.floating_point_range = [FloatingPointRange(from_value=info.minimum, to_value=info.maximum, step=0.0)]
+    return result
+
+
+class DeclaredParameters:
+    """Declares the whole table on a node and keeps `current` in step with it.
+
+    The node must have been made with automatically_declare_parameters_from_overrides: rclpy would refuse 1 for 1.0
+    where it declares an override itself, and would not tell of a misspelt name.
+    `on_change` is called with the new set after each change. Raises ValueError for a start-up value out of range.
+    """
+
+    def __init__(self, node: Node, on_change: Callable[[NodeParameters], None]) -> None:
+        self._node = node
+        self._on_change = on_change
+        self.current = NodeParameters().replace(_take_overrides(node))
+        self.unknown = tuple(_take_unknown(node))
+        for info in node_parameter_table():
+            node.declare_parameter(info.name, self.current.value(info.name), descriptor(info), ignore_override=True)
+        node.add_pre_set_parameters_callback(self._in_declared_types)
+        node.add_on_set_parameters_callback(self._validate)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _in_declared_types(self, changes: list[Parameter]) -> list[Parameter]:
+        """1 for 1.0, as everybody types it: rclpy would take it for a wrong type."""
+        for change in changes:
+            if not self._node.has_parameter(change.name):  # rclpy's own refusal leaves the name out
+                raise ParameterNotDeclaredException(f'{change.name}: {_hint(change.name)}')
+        return [_in_declared_type(change) for change in changes]
+
+    def _validate(self, changes: list[Parameter]) -> SetParametersResult:
+        try:
+            self.current.replace(_known(changes))
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply(self, changes: list[Parameter]) -> None:
+        changed = self.current.replace(_known(changes))
+        if changed != self.current:
+            self.current = changed
+            self._on_change(changed)
+
+
+def unknown_parameter_line(name: str) -> str:
+    """What to say of a start-up parameter that nobody declares."""
+    return f'unknown parameter {name!r} is ignored: {_hint(name)}'
+
+
+def _hint(name: str) -> str:
+    near = difflib.get_close_matches(name, _BY_NAME, n=1)
+    return f'did you mean {near[0]}?' if near else 'ros2 param list tells the names'
+
+
+def _known(changes: Iterable[Parameter]) -> dict[str, Value]:
+    """The table's part of a change; use_sim_time and the like are not ours to judge."""
+    return {change.name: change.value for change in changes if change.name in _BY_NAME}
+
+
+def _in_declared_type(change: Parameter) -> Parameter:
+    if change.name not in _BY_NAME:
+        return change
+    try:
+        return Parameter(change.name, value=_BY_NAME[change.name].check(change.value))
+    except ValueError:
+        return change  # to be refused with the reason
+
+
+def _take_overrides(node: Node) -> dict[str, Value]:
+    """The start-up values of the table's parameters, undeclared again so that they can be declared in full."""
+    given = {name: node.get_parameter(name).value for name in _BY_NAME if node.has_parameter(name)}
+    for name in given:
+        node.undeclare_parameter(name)
+    return given
+
+
+def _take_unknown(node: Node) -> Iterator[str]:
+    """The start-up parameters that belong to nobody, undeclared; to be called after `_take_overrides`."""
+    for name in list(node.get_parameters_by_prefix('')):
+        if not name.startswith(_ROS_PARAMETERS):
+            node.undeclare_parameter(name)
+            yield name

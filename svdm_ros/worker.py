@@ -1,0 +1,81 @@
+"""The one thread that runs the matcher, fed through a mailbox that holds the newest job only."""
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+
+class Worker[Job]:
+    """Calls `prepare()` once and then `process(job)` for each job, all in one thread of its own.
+
+    The numba kernels must run in a single thread: its default threading layer aborts the process otherwise.
+    A job that is still waiting when the next one comes is replaced. `on_drop(reason)` is called for each job that is
+    not processed, `on_error(exception)` for whatever `prepare` or `process` raises: the thread goes on.
+    """
+
+    def __init__(
+        self,
+        prepare: Callable[[], None],
+        process: Callable[[Job], None],
+        on_drop: Callable[[str], None],
+        on_error: Callable[[Exception], None],
+    ) -> None:
+        self._prepare = prepare
+        self._process = process
+        self._on_drop = on_drop
+        self._on_error = on_error
+        self._waiting: Job | None = None
+        self._ready = False
+        self._stopping = False
+        self._wake = threading.Condition()
+        # A daemon: a compilation cannot be interrupted, and the process must be able to end during one.
+        self._thread = threading.Thread(target=self._run, name='matcher', daemon=True)
+
+    @property
+    def ready(self) -> bool:
+        """Whether `prepare` is done."""
+        return self._ready
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Leave a job in the mailbox; never waits."""
+        with self._wake:
+            if not self._ready:
+                reason = 'before warm-up'
+            else:
+                reason = 'superseded' if self._waiting is not None else ''
+                self._waiting = job
+                self._wake.notify()
+        if reason:
+            self._on_drop(reason)
+
+    def stop(self, timeout: float) -> bool:
+        """Ask the thread to end after the job in hand; True if it did within `timeout` seconds."""
+        with self._wake:
+            self._stopping = True
+            self._wake.notify()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        self._guarded(self._prepare)
+        with self._wake:
+            self._ready = True
+        while (job := self._next_job()) is not None:
+            self._guarded(self._process, job)
+
+    def _next_job(self) -> Job | None:
+        """The waiting job, or None when the worker is to stop."""
+        with self._wake:
+            self._wake.wait_for(lambda: self._stopping or self._waiting is not None)
+            job, self._waiting = self._waiting, None
+            return None if self._stopping else job
+
+    def _guarded(self, work: Callable[..., None], *arguments: Job) -> None:
+        try:
+            work(*arguments)
+        except Exception as error:  # the last barrier: a thread that dies of one frame would die silently
+            self._on_error(error)
