@@ -53,12 +53,13 @@ clean:  ## remove what make set up and what the tools left
 	rm -rf .venv .tools build install log demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
+# From scratch each time: a second sync into the same .venv leaves the ROS wheels without their Python modules.
 # Editable, so that the console scripts exist; the sources are those of this folder.
 $(READY): requirements-dev.txt setup.py setup.cfg package.xml $(if $(UV_ON_PATH),,.tools/bin/uv)
 	@$(FIND_PYTHON); \
 	set -e; \
 	echo "make: setting up .venv with $$("$$python" --version) and the pinned packages: 600 MB, once, a minute or more"; \
-	"$(UV)" venv --quiet --allow-existing --python "$$python" .venv; \
+	"$(UV)" venv --quiet --clear --python "$$python" .venv; \
 	"$(UV)" pip sync --quiet --require-hashes --python "$(PYTHON)" requirements-dev.txt; \
 	"$(UV)" pip install --quiet --no-deps --no-build-isolation --python "$(PYTHON)" --editable .; \
 	touch "$@"
