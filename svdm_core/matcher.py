@@ -93,7 +93,7 @@ class StereoMatcher:
                 aggregate_blocks(buffers.cost, parent, similarity)
             with clock.stage('disparity_optimization'):
                 count = min(buffers.disparities, parameters.num_disparities - first)
-                buffers.winners.update(buffers.cost, first, count)
+                buffers.winners.update(buffers.cost, first, count, parameters.subpixel)
         with clock.stage('disparity_optimization'):
             winner, vertex = buffers.winners.images(pixel, (height, width), parameters.num_disparities)
         with clock.stage('disparity_refinement'):
