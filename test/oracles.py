@@ -1,0 +1,126 @@
+"""Naive oracles of the kernels: float64, plain loops, written from the equations."""
+import itertools
+
+import numpy as np
+
+
+def full_scale(image):
+    return 255.0 if image.dtype == np.uint8 else 65535.0
+
+
+def channels(image):
+    """(H, W, C) float64 on 0..1."""
+    return image.reshape(*image.shape[:2], -1) / full_scale(image)
+
+
+def gradient(grey, kind):
+    """Eqs 3-5 with replicated borders; 'horizontal' is halved."""
+    image = grey / full_scale(grey)
+    height, width = image.shape
+    result = np.empty(image.shape)
+    for y, x in np.ndindex(*image.shape):
+        gx = image[y, min(x + 1, width - 1)] - image[y, max(x - 1, 0)]
+        gy = image[min(y + 1, height - 1), x] - image[max(y - 1, 0), x]
+        result[y, x] = gx / 2 if kind == 'horizontal' else np.hypot(gx, gy)
+    return result
+
+
+def matching_cost(left, right, gradient_left, gradient_right, parameters):
+    """Eqs 1-8 as a volume (H, W, D)."""
+    a, b = channels(left), channels(right)
+    height, width = left.shape[:2]
+    cost = np.full((height, width, parameters.num_disparities), parameters.tau_ad + parameters.alpha * parameters.tau_gm)
+    for y, x, j in np.ndindex(*cost.shape):
+        partner = x - parameters.min_disparity - j
+        if partner >= 0:
+            ad = np.abs(a[y, x] - b[y, partner]).mean()
+            gm = abs(gradient_left[y, x] - gradient_right[y, partner])
+            cost[y, x, j] = min(ad, parameters.tau_ad) + parameters.alpha * min(gm, parameters.tau_gm)
+    return cost
+
+
+def grid_edges(guide):
+    """(weight, pixel, pixel) of the 4-connected grid: the largest channel difference in grey levels."""
+    height, width = guide.shape[:2]
+    levels = guide.reshape(height, width, -1).astype(int)
+    edges = []
+    for y, x in np.ndindex(height, width):
+        for other_y, other_x in ((y, x + 1), (y + 1, x)):
+            if other_y < height and other_x < width:
+                weight = np.abs(levels[y, x] - levels[other_y, other_x]).max()
+                edges.append((int(weight), y * width + x, other_y * width + other_x))
+    return edges
+
+
+def spanning_tree_weight(guide):
+    """Kruskal: weight of a minimum spanning tree of the grid."""
+    height, width = guide.shape[:2]
+    component = list(range(height * width))
+    total = 0
+    for weight, a, b in sorted(grid_edges(guide)):
+        old, new = component[a], component[b]
+        if old != new:
+            total += weight
+            component = [new if c == old else c for c in component]
+    return total
+
+
+def support(parent, weight, sigma_tree, d_y):
+    """Support of node q for node p, (N, N): exp(-D / (255 sigma)), D along the tree path, 0 across a cut (eqs 10-13)."""
+    nodes = len(parent)
+    distance = np.full((nodes, nodes), np.inf)
+    for k in range(nodes):
+        distance[k, k] = 0
+        if k and weight[k] <= d_y:
+            for other in range(k):
+                distance[k, other] = distance[other, k] = distance[parent[k], other] + float(weight[k])
+    return np.exp(-distance / (255 * sigma_tree))
+
+
+def parabola(below, best, above):
+    """Vertex of the parabola through three equidistant values, within half a step."""
+    bend = below - 2 * best + above
+    return float(np.clip(0.5 * (below - above) / bend, -0.5, 0.5)) if bend > 0 else 0.0
+
+
+def left_right_check(left, right, min_disparity, tau_lr):
+    """Eq 15; left and right are disparities less min_disparity."""
+    valid = np.zeros(left.shape, bool)
+    for y, x in np.ndindex(*left.shape):
+        partner = x - (left[y, x] + min_disparity)
+        valid[y, x] = partner >= 0 and abs(int(left[y, x]) - int(right[y, partner])) <= tau_lr
+    return valid
+
+
+def fill(disparity, valid):
+    """Eq 16: the smaller of the nearest valid ones on the row, the only one there is, or itself."""
+    filled = disparity.copy()
+    for y, x in zip(*np.nonzero(~valid), strict=True):
+        on_row = np.flatnonzero(valid[y])
+        nearest = [*on_row[on_row < x][-1:], *on_row[on_row > x][:1]]
+        if nearest:
+            filled[y, x] = min(disparity[y, q] for q in nearest)
+    return filled
+
+
+def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c):
+    """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W)."""
+    height, width = labels.shape
+    radius = window // 2
+    histogram = {}
+    rows = range(max(0, y - radius), min(height, y + radius + 1))
+    columns = range(max(0, x - radius), min(width, x + radius + 1))
+    for v, u in itertools.product(rows, columns):
+        spatial = ((v - y) ** 2 + (u - x) ** 2) / sigma_s**2
+        similarity = ((guide[:, y, x].astype(float) - guide[:, v, u]) ** 2).sum() / sigma_c**2
+        label = int(labels[v, u])
+        histogram[label] = histogram.get(label, 0.0) + np.exp(-spatial - similarity)
+    return histogram
+
+
+def is_weighted_median(label, histogram, tolerance=1e-4):
+    """Whether `label` is the smallest one up to which half of the weight lies (eq 19), rounding forgiven."""
+    half = sum(histogram.values()) / 2
+    below = sum(weight for other, weight in histogram.items() if other < label)
+    up_to = below + histogram.get(label, 0.0)
+    return label in histogram and below < half * (1 + tolerance) and up_to >= half * (1 - tolerance)

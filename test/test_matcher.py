@@ -1,0 +1,281 @@
+import ast
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import oracles
+import pytest
+from scenes import noise, shifted_wall, two_walls
+
+import svdm_core
+from svdm_core import MatcherParameters, StereoMatcher, load_preset
+from svdm_core.spanning_forest import minimum_spanning_trees
+
+SMALL = MatcherParameters(num_disparities=20, w_p=7)
+
+
+def match(left, right, parameters=SMALL, threads=0):
+    return StereoMatcher(parameters, threads).compute(left, right)
+
+
+def assert_same(result, other):
+    np.testing.assert_array_equal(result.disparity, other.disparity)
+    np.testing.assert_array_equal(result.valid, other.valid)
+
+
+# Against the oracles
+
+@pytest.mark.parametrize('depth', [1, 3])
+@pytest.mark.parametrize('min_disparity', [0, 2])
+@pytest.mark.parametrize('changes', [
+    {}, {'gradient': 'magnitude', 'd_y': 60}, {'sigma_tree': 0.5, 'tau_ad': 0.2, 'tau_gm': 0.1},
+])
+def test_all_stages_together_are_those_of_the_oracles(depth, min_disparity, changes):
+    shape = (9, 14) if depth == 1 else (9, 14, 3)
+    # so little contrast that costs are rarely all truncated, which would make ties that rounding decides
+    left, right = noise(*shape) // 16, noise(*shape, seed=1) // 16
+    parameters = MatcherParameters(min_disparity=min_disparity, num_disparities=6, subpixel=False, median_scope='all',
+                                   w_p=1, tau_lr=0.0, **changes)
+    result = match(left, right, parameters)
+
+    costs = [aggregated_cost(*pair, parameters) for pair in ((left, right), (right[:, ::-1], left[:, ::-1]))]
+    winners = [cost.argmin(axis=2) for cost in costs]
+    valid = oracles.left_right_check(winners[0], winners[1][:, ::-1], min_disparity, 0.0)
+    np.testing.assert_array_equal(result.valid, valid)
+    np.testing.assert_array_equal(result.disparity, oracles.fill(winners[0], valid) + min_disparity)
+
+
+def aggregated_cost(left, right, parameters):
+    guide = np.ascontiguousarray(left)
+    grey = [np.ascontiguousarray(image) for image in (left, right)]
+    grey = [image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in grey]
+    # the kernel mirrors the right view's pair; a signed gradient then changes its sign on both sides alike
+    slopes = [oracles.gradient(image, parameters.gradient) for image in grey]
+    cost = oracles.matching_cost(left, right, *slopes, parameters).reshape(-1, parameters.num_disparities)
+    pixel, parent, weight = (part[0] for part in minimum_spanning_trees(guide, guide))
+    total = np.empty_like(cost)
+    total[pixel] = oracles.support(parent, weight, parameters.sigma_tree, parameters.d_y) @ cost[pixel]
+    return total.reshape(*left.shape[:2], -1)
+
+
+# Scenes with a known answer
+
+@pytest.mark.parametrize('shift', [0, 5, 12])
+@pytest.mark.parametrize('min_disparity', [0, 4])
+def test_a_flat_wall_is_found_exactly(shift, min_disparity):
+    shift += min_disparity
+    left, right = shifted_wall(40, 70, shift)
+    result = match(left, right, SMALL.replace(min_disparity=min_disparity))
+    inside = np.s_[:, shift + 1:-1]  # beside the border the gradients of the two images differ
+    assert np.abs(result.disparity[inside] - shift).max() <= 0.5 and result.valid[inside].all()
+
+
+def test_a_square_before_a_wall_has_sharp_borders():
+    left, right, truth = two_walls()
+    result = match(left, right)
+    assert (np.abs(result.disparity - truth) > 1).mean() < 0.02
+    occluded = ~result.valid[:, 30:60]
+    assert 0 < occluded.mean() < 0.3
+
+
+def test_subpixel_is_nearer_to_a_fractional_shift():
+    texture = cv2.normalize(cv2.GaussianBlur(noise(60, 160), (0, 0), 2.0), None, 0, 255, cv2.NORM_MINMAX)
+    moved = cv2.warpAffine(texture, np.float32([[1, 0, -6.3], [0, 1, 0]]), (160, 60), flags=cv2.INTER_CUBIC)
+    left, right = texture[:, 20:140], moved[:, 20:140]
+    errors = [np.abs(match(left, right, SMALL.replace(subpixel=on)).disparity[5:-5, 12:-12] - 6.3).mean()
+              for on in (False, True)]
+    # a parabola through absolute differences, which are V-shaped, is drawn to whole pixels
+    assert errors[0] == pytest.approx(0.3, abs=0.05) and errors[1] < 0.7 * errors[0]
+
+
+@pytest.mark.parametrize('scope', ['filled', 'all'])
+def test_a_constant_scene_gets_the_smallest_disparity(scope):
+    grey = np.full((12, 30), 77, np.uint8)
+    result = match(grey, grey, SMALL.replace(min_disparity=3, median_scope=scope))
+    assert (result.disparity == 3).all()
+
+
+def test_the_mirrored_and_swapped_pair_gives_the_right_views_map():
+    left, right, truth = two_walls()
+    result = match(right[:, ::-1], left[:, ::-1])
+    right_map = np.rint(result.disparity[:, ::-1])
+    y, x = np.nonzero(match(left, right).valid)
+    d = truth[y, x]
+    assert (np.abs(right_map[y, x - d] - d) <= 1).mean() > 0.97
+
+
+# Exactness
+
+def test_the_result_does_not_depend_on_threads_or_run_or_reuse():
+    left, right = noise(45, 80, 3), noise(45, 80, 3, seed=1)
+    parameters = SMALL.replace(num_disparities=50, median_scope='all')
+    first = match(left, right, parameters, threads=1)
+    for threads in (1, 2, 3, 0):
+        matcher = StereoMatcher(parameters, threads)
+        assert_same(matcher.compute(left, right), first)
+        matcher.compute(left[:20, :30], right[:20, :30])
+        matcher.compute(left[..., 0], right[..., 0])
+        assert_same(matcher.compute(left, right), first)
+
+
+def test_more_threads_than_cores_give_the_same_as_one():
+    """In a process of its own: the number of threads is fixed when numba loads."""
+    code = (
+        'import hashlib, sys; sys.path.insert(0, "test")\n'
+        'from scenes import noise; from svdm_core import StereoMatcher, MatcherParameters\n'
+        'matcher = StereoMatcher(MatcherParameters(num_disparities=100, median_scope="all", w_p=5))\n'
+        'result = matcher.compute(noise(30, 60), noise(30, 60, seed=1))\n'
+        'print(hashlib.sha256(result.disparity.tobytes() + result.valid.tobytes()).hexdigest())\n'
+    )
+    root = Path(__file__).resolve().parent.parent
+    digests = {
+        subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True,
+                       env={**os.environ, 'NUMBA_NUM_THREADS': str(threads)}).stdout
+        for threads in (1, 2, 7)
+    }
+    assert len(digests) == 1 and len(digests.pop()) == 65
+
+
+def test_two_threads_may_match_at_once():
+    pairs = [(noise(60, 90, seed=s), noise(60, 90, seed=s + 10)) for s in range(2)]
+    expected = [match(*pair) for pair in pairs]
+    results = [[], []]
+
+    def work(k):
+        matcher = StereoMatcher(SMALL)
+        results[k] = [matcher.compute(*pairs[k]) for _ in range(5)]
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for k in range(2):
+        assert len(results[k]) == 5
+        for result in results[k]:
+            assert_same(result, expected[k])
+
+
+def test_parameters_count_from_the_next_frame_on_and_results_are_the_callers_own():
+    left, right = noise(30, 50), noise(30, 50, seed=1)
+    matcher = StereoMatcher(SMALL)
+    before = matcher.compute(left, right)
+    copy = before.disparity.copy(), before.valid.copy()
+    matcher.parameters = SMALL.replace(alpha=0.0, sigma_tree=1.0, num_disparities=9)
+    after = matcher.compute(left, right)
+    assert_same(after, match(left, right, matcher.parameters))
+    assert (after.disparity != before.disparity).any()
+    np.testing.assert_array_equal(before.disparity, copy[0])
+    np.testing.assert_array_equal(before.valid, copy[1])
+
+
+# Images of every kind
+
+@pytest.mark.parametrize('scope', ['filled', 'all'])
+@pytest.mark.parametrize('shape', [(1, 1), (1, 17), (9, 1), (2, 2, 3), (13, 31)])
+@pytest.mark.parametrize(('min_disparity', 'num_disparities'), [(0, 1), (0, 2), (5, 16), (0, 17), (40, 3), (0, 100)])
+def test_any_size_and_range_gives_a_dense_map_within_the_range(shape, min_disparity, num_disparities, scope):
+    parameters = MatcherParameters(min_disparity=min_disparity, num_disparities=num_disparities, median_scope=scope)
+    result = match(noise(*shape), noise(*shape, seed=1), parameters)
+    assert result.disparity.shape == result.valid.shape == shape[:2]
+    assert (result.disparity.dtype, result.valid.dtype) == (np.float32, np.bool_)
+    assert min_disparity <= result.disparity.min() <= result.disparity.max() <= min_disparity + num_disparities - 1
+
+
+def test_16_bit_images_of_8_bit_scenes_give_the_same_map():
+    left, right, _ = two_walls()
+    deep = match(left.astype(np.uint16) * 257, right.astype(np.uint16) * 257, SMALL.replace(subpixel=False))
+    assert (deep.disparity != match(left, right, SMALL.replace(subpixel=False)).disparity).mean() < 0.001
+
+
+def test_three_equal_channels_match_like_one():
+    left, right, _ = two_walls()
+    colour = match(*(np.repeat(image[..., None], 3, axis=2) for image in (left, right)))
+    assert (np.abs(colour.disparity - match(left, right).disparity) > 0.01).mean() < 0.02
+
+
+def test_strides_and_read_only_memory_do_not_matter_and_images_stay_as_they_are():
+    left, right = noise(30, 41, 3), noise(30, 41, 3, seed=1)
+    copies = left.copy(), right.copy()
+    expected = match(left, right)
+    padded = np.zeros((30, 60, 3), np.uint8)
+    padded[:, 7:48] = left
+    backwards = np.ascontiguousarray(right[::-1, :, ::-1])[::-1, :, ::-1]
+    for a, b in ((padded[:, 7:48], backwards), (np.frombuffer(left.tobytes(), np.uint8).reshape(left.shape), right)):
+        assert_same(match(a, b), expected)
+    np.testing.assert_array_equal(left, copies[0])
+    np.testing.assert_array_equal(right, copies[1])
+
+
+GOOD = np.zeros((4, 6), np.uint8)
+
+
+@pytest.mark.parametrize(('left', 'right', 'words'), [
+    (GOOD.astype(np.float32), GOOD, ('left image', 'float32', 'uint8 or uint16')),
+    (np.full((4, 6), np.nan), GOOD, ('left image', 'float64', 'uint8 or uint16')),
+    (GOOD, GOOD.astype(np.int8), ('right image', 'int8', 'uint8 or uint16')),
+    (GOOD, [[1, 2]], ('right image', 'list', 'numpy array')),
+    (None, GOOD, ('left image', 'NoneType', 'numpy array')),
+    (np.zeros((4, 6, 4), np.uint8), GOOD, ('left image', '(4, 6, 4)', '(H, W) or (H, W, 3)')),
+    (np.zeros(5, np.uint8), GOOD, ('left image', '(5,)', '(H, W) or (H, W, 3)')),
+    (np.zeros((0, 6), np.uint8), GOOD, ('left image', '(0, 6)', 'not empty')),
+    (GOOD, np.zeros((4, 7), np.uint8), ('(4, 6)', '(4, 7)', 'same shape')),
+    (GOOD, np.zeros((4, 6, 3), np.uint8), ('(4, 6)', '(4, 6, 3)', 'same shape')),
+    (GOOD, GOOD.astype(np.uint16), ('uint8', 'uint16', 'same shape and dtype')),
+])
+def test_a_wrong_image_is_named_with_what_is_allowed(left, right, words):
+    with pytest.raises(ValueError) as refusal:
+        match(left, right)
+    assert all(word in str(refusal.value) for word in words) and '\n' not in str(refusal.value)
+
+
+def test_a_negative_number_of_threads_is_refused():
+    with pytest.raises(ValueError, match='threads = -1 is not allowed'):
+        StereoMatcher(threads=-1)
+
+
+def test_timings_tell_each_stage_and_their_sum():
+    timings = dict(match(noise(30, 50), noise(30, 50)).timings)
+    total = timings.pop('total')
+    assert set(timings) == {'spanning_forest', 'matching_cost', 'cost_aggregation', 'disparity_optimization',
+                            'disparity_refinement'}
+    assert min(timings.values()) > 0 and total == pytest.approx(sum(timings.values()))
+
+
+def test_after_warm_up_nothing_is_compiled_any_more():
+    matcher = StereoMatcher(load_preset('paper'))
+    matcher.warm_up()
+    kernels = [value for module in list(sys.modules.values()) if module.__name__.startswith('svdm_core')
+               for value in vars(module).values() if hasattr(value, 'signatures')]
+    compiled = sum(len(kernel.signatures) for kernel in kernels)
+    for shape in ((20, 30), (20, 30, 3)):
+        for dtype in (np.uint8, np.uint16):
+            for name in svdm_core.preset_names():
+                matcher.parameters = load_preset(name)
+                matcher.compute(noise(*shape, dtype=dtype), noise(*shape, dtype=dtype))
+    assert kernels and sum(len(kernel.signatures) for kernel in kernels) == compiled
+
+
+# The library is free of ROS
+
+ROS = {'rclpy', 'sensor_msgs', 'stereo_msgs', 'std_msgs', 'rcl_interfaces', 'builtin_interfaces', 'svdm_ros'}
+
+
+def test_no_module_imports_ros():
+    package = Path(svdm_core.__file__).parent
+    for path in package.glob('**/*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ''] if isinstance(node, ast.ImportFrom) else []
+            assert not ROS & {name.split('.')[0] for name in names}, path.name
+
+
+def test_nothing_of_ros_is_loaded():
+    code = 'import sys, svdm_core; print(*sys.modules)'
+    root = Path(__file__).resolve().parent.parent
+    loaded = subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True).stdout
+    assert not ROS & set(loaded.split()) and 'numba' in loaded

@@ -1,0 +1,142 @@
+"""The node from start to end over DDS: settings at the start, silence, QoS, and the signals that end it."""
+import re
+import signal
+
+import pytest
+from node_bench import (
+    ROOT,
+    Client,
+    NodeProcess,
+    disparities,
+    fresh_domain,
+    image_message,
+    random_dots,
+    running_node,
+)
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+SLOW = {'num_disparities': 512, 'median_scope': 'all'}
+LARGE = {'width': 320, 'height': 240}
+"""As large as Fast DDS carries surely without the profile of config/."""
+
+
+def dots(**fields):
+    return [image_message(pixels) for pixels in random_dots(**fields)]
+
+
+@pytest.mark.parametrize(('arguments', 'told'), [
+    (['-p', 'w_p:=10'], r'w_p = 10 is not allowed: it must be an integer, 1, 3 \.\.\. 101 px'),
+    (['-p', 'gradient:=vertical'], r"gradient = 'vertical' is not allowed: it must be horizontal \| magnitude"),
+    (['-p', 'alpha:=[1, 2]'], r'alpha = .*\[1, 2\].* is not allowed: it must be a number, 0.0 to 1000.0'),
+    (['--params-file', 'missing.yaml'], r'missing\.yaml'),
+    (['-p', 'qos_overrides./disparity.publisher.reliability:=sloppy'], 'sloppy'),
+])
+def test_a_bad_setting_at_the_start_is_told_in_one_line_and_ends_with_2(tmp_path, arguments, told):
+    node = NodeProcess(fresh_domain(), tmp_path / 'node.log', *arguments)
+    assert node.exit_code() == 2
+    lines = [line for line in node.log.splitlines() if 'not started' in line]
+    assert len(lines) == 1
+    assert re.search(told, lines[0])
+    assert 'Traceback' not in node.log
+
+
+def test_good_settings_at_the_start_are_taken(tmp_path):
+    arguments = ['--params-file', str(ROOT / 'config' / 'paper.yaml'), '-p', 'alpha:=2', '-p', 'alhpa:=1.0',
+                 '-p', 'qos_overrides./left/image_rect.subscription.depth:=3']
+    with running_node(tmp_path, *arguments) as (node, client):
+        assert "unknown parameter 'alhpa' is ignored: did you mean alpha?" in node.log
+        assert client.get_parameters('alpha', 'gradient', 'sigma_tree') == {
+            'alpha': 2.0, 'gradient': 'magnitude', 'sigma_tree': 0.1}
+        assert client.get_parameters('qos_overrides./left/image_rect.subscription.depth') == {
+            'qos_overrides./left/image_rect.subscription.depth': 3}
+        assert client.set_parameters(alpha=3.5)['alpha'].successful
+
+
+def test_what_is_missing_is_told_one_after_the_other(tmp_path):
+    with running_node(tmp_path) as (node, client):
+        node.wait_for_log('no images for 5 s')
+        left, right = dots()
+        seconds = iter(range(100, 1000))
+
+        def send_left():
+            left.header.stamp.sec = next(seconds)
+            client.publish('left/image_rect', left)
+
+        told = 'images on /left/image_rect but none for 5 s on /right/image_rect (1 publisher)'
+        client.spin_until(lambda: told in node.log, told, each=send_left)
+        told = 'are at least 0.004000 s apart, approximate_sync_tolerance is 0 s'
+        client.spin_until(
+            lambda: told in node.log, told, each=lambda: client.publish_pair(left, right, right_delay_ns=4_000_000))
+        assert 'set approximate_sync_tolerance to 0.006' in node.wait_for_log(told)
+        assert client.set_parameters(approximate_sync_tolerance=0.006)['approximate_sync_tolerance'].successful
+        message = client.exchange_until(*dots(), lambda message: True, 'a disparity')
+        assert (message.f, message.t) == (0, 0)
+        line = node.wait_for_log('no left/camera_info and no right/camera_info received')
+        assert 'disparity published with f = 0, t = 0' in line
+
+
+def test_images_that_come_during_the_compilation_are_dropped_and_counted(tmp_path):
+    cache = tmp_path / 'cache'
+    domain = fresh_domain()
+    node, client = NodeProcess(domain, tmp_path / 'node.log', NUMBA_CACHE_DIR=str(cache)), Client(domain)
+    try:
+        node.wait_for_log('compiling the kernels')
+        client.spin_until(
+            lambda: any('dropped: before warm-up' in counts for counts in client.diagnostics), 'counts of drops',
+            each=lambda: client.publish_pair(*dots(width=8, height=6)))
+        assert 'ready:' not in node.log
+        assert client.received == []
+        assert node.end(signal.SIGINT, limit=5.0) == 0
+        assert 'Traceback' not in node.log
+    finally:
+        client.close()
+        node.kill()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('busy', [False, True], ids=['idle', 'matching'])
+def test_a_signal_ends_the_node_with_0(tmp_path, number, busy):
+    with running_node(tmp_path) as (node, client):
+        if busy:
+            client.wait_for_node()
+            assert client.set_atomically(**SLOW).successful
+            for _ in range(3):
+                client.publish_pair(*dots(**LARGE))
+        assert node.end(number, limit=5.0) == 0
+        assert 'Traceback' not in node.log
+
+
+def test_a_viewer_with_an_incompatible_qos_is_told(tmp_path):
+    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with running_node(tmp_path, disparity_qos=qos) as (node, client):
+        line = client.spin_until(
+            lambda: next((line for line in node.log.splitlines() if 'incompatible QoS' in line), None), 'an error line')
+        assert '[ERROR]' in line
+        assert '/disparity: a subscription has an incompatible QoS (DURABILITY)' in line
+        assert '-p qos_overrides./disparity.publisher.durability:=' in line
+
+
+def test_a_camera_with_an_incompatible_qos_is_told_and_the_override_mends_it(tmp_path):
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    override = 'qos_overrides./left/image_rect.subscription.reliability'
+    with running_node(tmp_path, '-p', f'{override}:=reliable', image_qos=best_effort) as (node, client):
+        line = client.spin_until(
+            lambda: next((line for line in node.log.splitlines() if 'incompatible QoS' in line), None), 'an error line')
+        assert '[ERROR]' in line
+        assert '/left/image_rect: a publisher has an incompatible QoS (RELIABILITY)' in line
+        assert f'-p {override}:=' in line
+
+
+def test_the_newest_pair_wins_when_the_node_is_too_slow(tmp_path):
+    with running_node(tmp_path) as (_, client):
+        client.wait_for_node()
+        assert client.set_atomically(**SLOW).successful
+        pair = dots(**LARGE)
+        for _ in range(12):
+            last = client.publish_pair(*pair)
+        client.spin_until(lambda: client.received[-1].header.stamp.sec == last, 'the newest pair')
+        client.spin_until(
+            lambda: any(int(counts.get('dropped: superseded', 0)) > 0 for counts in client.diagnostics), 'the drops')
+        stamps = [message.header.stamp.sec for message in client.received]
+        assert stamps == sorted(stamps)
+        assert disparities(client.received[-1]).shape == (240, 320)

@@ -1,0 +1,61 @@
+import pytest
+import yaml
+
+from svdm_core import MatcherParameters, load_preset, parameter_table, preset_names
+from svdm_core.presets import preset_folder
+
+
+def write(folder, text):
+    path = folder / 'mine.yaml'
+    path.write_text(text)
+    return path
+
+
+def test_default_is_the_default():
+    assert load_preset('default') == MatcherParameters()
+
+
+def test_the_papers_presets_are_its_start_and_its_optimum():
+    start, optimum = load_preset('paper_start'), load_preset('paper')
+    tuned = ('alpha', 'sigma_s', 'sigma_c', 'w_p')
+    assert [getattr(start, name) for name in tuned] == [1.0, 1.0, 0.1, 11]
+    assert [getattr(optimum, name) for name in tuned] == [10.7, 15.8, 0.175, 31]
+    assert start.replace(**{name: getattr(optimum, name) for name in tuned}) == optimum
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_a_preset_says_when_to_take_it_and_what_it_sets(name):
+    text = (preset_folder() / f'{name}.yaml').read_text()
+    assert text.startswith('# Take this one ')
+    values = yaml.safe_load(text)['/**']['ros__parameters']
+    known = {info.name: info for info in parameter_table()}
+    # rclpy refuses 1 where a double is declared, so a preset must write 1.0
+    assert {name: type(value) for name, value in values.items()} == {name: known[name].type for name in values}
+
+
+@pytest.mark.parametrize(('text', 'reason'), [
+    ('/**:\n  ros__parameters:\n    alpah: 1.0\n', "unknown parameter 'alpah': did you mean alpha"),
+    ('/**:\n  ros__parameters:\n    w_p: 4\n', 'w_p = 4 is not allowed'),
+    ('alpha: 1.0\n', 'not a ROS parameter file'),
+    ('/**:\n  ros__parameters: 3\n', 'not a ROS parameter file'),
+    ('', 'not a ROS parameter file'),
+    ('a: [1\n', 'not YAML'),
+])
+def test_what_is_wrong_with_a_file_is_told_in_one_line(tmp_path, text, reason):
+    path = write(tmp_path, text)
+    with pytest.raises(ValueError) as refusal:
+        load_preset(path)
+    assert str(refusal.value).startswith(f'{path}: ') and reason in str(refusal.value)
+    assert '\n' not in str(refusal.value)
+
+
+def test_a_file_of_ones_own_is_read(tmp_path):
+    path = write(tmp_path, '/disparity_node:\n  ros__parameters:\n    alpha: 2.5\n    subpixel: false\n')
+    assert load_preset(path) == MatcherParameters(alpha=2.5, subpixel=False)
+
+
+def test_what_is_missing_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match='default, paper, paper_start'):
+        load_preset('papre')
+    with pytest.raises(FileNotFoundError, match=r'nowhere\.yaml'):
+        load_preset(tmp_path / 'nowhere.yaml')
