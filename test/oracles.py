@@ -29,7 +29,8 @@ def matching_cost(left, right, gradient_left, gradient_right, parameters):
     """Eqs 1-8 as a volume (H, W, D)."""
     a, b = channels(left), channels(right)
     height, width = left.shape[:2]
-    cost = np.full((height, width, parameters.num_disparities), parameters.tau_ad + parameters.alpha * parameters.tau_gm)
+    largest = parameters.tau_ad + parameters.alpha * parameters.tau_gm
+    cost = np.full((height, width, parameters.num_disparities), largest)
     for y, x, j in np.ndindex(*cost.shape):
         partner = x - parameters.min_disparity - j
         if partner >= 0:
@@ -66,7 +67,7 @@ def spanning_tree_weight(guide):
 
 
 def support(parent, weight, sigma_tree, d_y):
-    """Support of node q for node p, (N, N): exp(-D / (255 sigma)), D along the tree path, 0 across a cut (eqs 10-13)."""
+    """Support of node q for node p, (N, N): exp(-D / (255 sigma)), D along the tree, 0 across a cut (eqs 10-13)."""
     nodes = len(parent)
     distance = np.full((nodes, nodes), np.inf)
     for k in range(nodes):

@@ -5,7 +5,15 @@ import pytest
 from scenes import noise
 
 from svdm_core import MatcherParameters
-from svdm_core.matching_cost import BLOCK, empty_planes, fill_planes, gradient, intensities, matching_cost_blocks, node_values
+from svdm_core.matching_cost import (
+    BLOCK,
+    empty_planes,
+    fill_planes,
+    gradient,
+    intensities,
+    matching_cost_blocks,
+    node_values,
+)
 
 SIZES = [(1, 1), (1, 9), (7, 1), (6, 11)]
 
@@ -51,7 +59,8 @@ def cost_volume(left, right, parameters, blocks=1):
 
 @pytest.mark.parametrize('kind', ['horizontal', 'magnitude'])
 @pytest.mark.parametrize(('size', 'min_disparity', 'num_disparities', 'blocks'), [
-    ((1, 1), 0, 1, 1), ((1, 9), 0, 4, 1), ((7, 1), 2, 3, 1), ((5, 23), 0, 16, 1), ((5, 23), 3, 17, 1), ((4, 40), 1, 50, 3),
+    ((1, 1), 0, 1, 1), ((1, 9), 0, 4, 1), ((7, 1), 2, 3, 1), ((5, 23), 0, 16, 1), ((5, 23), 3, 17, 1),
+    ((4, 40), 1, 50, 3),
 ])
 @pytest.mark.parametrize('depth', [1, 3])
 def test_cost_of_both_views_is_that_of_the_equations(size, depth, min_disparity, num_disparities, blocks, kind):
