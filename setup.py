@@ -29,6 +29,7 @@ setup(
     entry_points={
         'console_scripts': [
             'disparity_node = svdm_ros.disparity_node:main',
+            'svdm = svdm_core.cli:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],
     },

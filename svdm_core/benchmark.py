@@ -1,0 +1,166 @@
+"""How fast the presets are beside OpenCV's matchers: same images, one process, contenders in turn."""
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from .arrays import Float32, Image
+from .evaluation import error_metrics
+from .matcher import StereoMatcher
+from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher
+from .presets import load_preset
+
+ACCURACY = ('avgerr', 'bad1', 'bad2', 'bad4')
+_OWN = 'svdm-'
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class BenchmarkPair:
+    """left, right: uint8 (H, W) or (H, W, 3). ground_truth: float32 (H, W), px, not finite where unknown, or None."""
+
+    left: Image
+    right: Image
+    ground_truth: Float32 | None = None
+
+    def scaled(self, width: int, height: int) -> BenchmarkPair:
+        """The pair at another size; disparities shrink with the width."""
+        factor = width / self.left.shape[1]
+        way = cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR
+        left, right = (np.asarray(cv2.resize(image, (width, height), interpolation=way))
+                       for image in (self.left, self.right))
+        truth = self.ground_truth
+        if truth is not None:
+            truth = np.asarray(cv2.resize(truth, (width, height), interpolation=cv2.INTER_NEAREST)) * np.float32(factor)
+        return BenchmarkPair(left, right, truth)
+
+    def grey(self) -> BenchmarkPair:
+        """The pair without colour."""
+        if self.left.ndim == 2:
+            return self
+        left, right = (np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) for image in (self.left, self.right))
+        return BenchmarkPair(left, right, self.ground_truth)
+
+
+def contender_names(presets: Sequence[str]) -> list[str]:
+    """The presets, then OpenCV's methods."""
+    return [*(f'{_OWN}{preset}' for preset in presets), *OPENCV_METHODS]
+
+
+def run_benchmark(
+    pair: BenchmarkPair,
+    names: Sequence[str],
+    num_disparities: int,
+    threads: int,
+    rounds: int,
+    on_round: Callable[[], None] = lambda: None,
+    memory: bool = True,
+) -> dict[str, dict[str, Any]]:
+    """Time all contenders in turn, `rounds` times after a warm-up; figures by name.
+
+    median_ms, low_ms and high_ms (quartiles), mde_per_s (million disparities evaluated a second), stages_ms (medians,
+    own matchers), extra_mb (peak memory above that of a tiny image, in a process of its own), and where there is
+    ground truth avgerr, bad1, bad2, bad4 of the dense map (px of these images, %), over all known pixels.
+    """
+    contenders = {name: _Contender(name, pair, num_disparities, threads) for name in names}
+    for contender in contenders.values():
+        contender.run()
+    milliseconds: dict[str, list[float]] = {name: [] for name in names}
+    for _ in range(rounds):
+        for name, contender in contenders.items():
+            start = time.perf_counter()
+            contender.run()
+            milliseconds[name].append(1e3 * (time.perf_counter() - start))
+        on_round()
+    work = pair.left.shape[0] * pair.left.shape[1] * num_disparities / 1e6
+    figures = {}
+    for name, contender in contenders.items():
+        low, median, high = _quartiles(milliseconds[name])
+        figures[name] = {
+            'median_ms': median, 'low_ms': low, 'high_ms': high, 'mde_per_s': 1e3 * work / median,
+            'stages_ms': contender.stages(rounds), **contender.accuracy(),
+            'extra_mb': extra_memory(name, pair, num_disparities, threads) if memory else None,
+        }
+    return figures
+
+
+def extra_memory(name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> float:
+    """Peak memory (MB) that one frame takes on top of a matcher warmed up with a tiny image."""
+    with multiprocessing.get_context('spawn').Pool(1) as pool:
+        return pool.apply(_extra_memory, (name, pair, num_disparities, threads))
+
+
+def growth(sizes: Sequence[float], milliseconds: Sequence[float]) -> float:
+    """The exponent of time over size: the slope of the straight line through the logarithms."""
+    return float(np.polyfit(np.log(sizes), np.log(milliseconds), 1)[0])
+
+
+def ratios(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """Median time of each contender over that of each of OpenCV's methods."""
+    yardsticks = {name: value['median_ms'] for name, value in figures.items() if not name.startswith(_OWN)}
+    return {name: {other: value['median_ms'] / ms for other, ms in yardsticks.items()}
+            for name, value in figures.items()}
+
+
+class _Contender:
+    """One matcher with its images; keeps what it said of its stages."""
+
+    def __init__(self, name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> None:
+        cv2.setNumThreads(threads)
+        self._pair = pair
+        self._own: StereoMatcher | None = None
+        self._timings: list[dict[str, float]] = []
+        if name.startswith(_OWN):
+            preset = load_preset(name.removeprefix(_OWN)).replace(num_disparities=num_disparities)
+            self._own = StereoMatcher(preset, threads)
+        else:
+            channels = 1 if pair.left.ndim == 2 else pair.left.shape[2]
+            self._opencv = OpenCVMatcher(name, num_disparities, channels)
+
+    def run(self) -> None:
+        if self._own is None:
+            self._opencv.compute(self._pair.left, self._pair.right)
+        else:
+            self._timings.append(self._own.compute(self._pair.left, self._pair.right).timings)
+
+    def stages(self, last: int) -> dict[str, float]:
+        """Median milliseconds of each stage over the last frames."""
+        frames = self._timings[-last:]
+        return {stage: statistics.median(frame[stage] for frame in frames) for stage in (frames[0] if frames else ())}
+
+    def accuracy(self) -> dict[str, float]:
+        pair = self._pair
+        if pair.ground_truth is None:
+            return {}
+        if self._own is None:
+            disparity = self._opencv.compute_dense(pair.left, pair.right)
+        else:
+            disparity = self._own.compute(pair.left, pair.right).disparity
+        metrics = error_metrics(disparity, pair.ground_truth)
+        return {name: metrics[name] for name in ACCURACY}
+
+
+def _extra_memory(name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> float:
+    tiny = BenchmarkPair(*(np.ascontiguousarray(image[:40, :200]) for image in (pair.left, pair.right)))
+    _Contender(name, tiny, num_disparities, threads).run()
+    before = _peak_memory()
+    _Contender(name, pair, num_disparities, threads).run()
+    return _peak_memory() - before
+
+
+def _peak_memory() -> float:
+    """Largest resident size of this process so far, MB. (getrusage would count the parent's before the exec.)"""
+    status = Path('/proc/self/status').read_text()
+    return float(status.split('VmHWM:')[1].split()[0]) / 1024
+
+
+def _quartiles(values: Sequence[float]) -> tuple[float, float, float]:
+    low, median, high = np.percentile(values, (25, 50, 75))
+    return float(low), float(median), float(high)
