@@ -15,7 +15,6 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
-from rclpy.qos_overriding_options import InvalidQosOverridesError
 from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
 
@@ -23,7 +22,7 @@ from .diagnostics import diagnostic_array
 from .frame_processing import FrameError, FrameProcessor, StereoFrame
 from .frame_statistics import FrameStatistics
 from .node_parameters import DeclaredParameters, NodeParameters, unknown_parameter_line
-from .quality_of_service import OVERRIDABLE, incompatible_line, output_qos, sensor_qos
+from .quality_of_service import OVERRIDABLE, incompatible_line, naming_overrides, output_qos, sensor_qos
 from .stereo_pairing import SideName, StereoPairer
 from .watchdog import Line, Throttle, Traffic, Watchdog
 from .worker import Worker
@@ -34,7 +33,7 @@ _STATUS_PERIOD = 1.0
 _TROUBLE_LASTS = 3.0
 """Seconds for which diagnostics tell of a trouble after it was last met."""
 
-_WRONG_SETTINGS = (ValueError, TypeError, AssertionError, RuntimeError, ParameterException, InvalidQosOverridesError)
+_WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
 
 
@@ -81,19 +80,21 @@ class DisparityNode(Node):
 
     def _create_output(self) -> Any:
         topic = self.resolve_topic_name('disparity')
-        return self.create_publisher(
-            DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
-            event_callbacks=PublisherEventCallbacks(
-                incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
-        )
+        with naming_overrides(topic):
+            return self.create_publisher(
+                DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
+                event_callbacks=PublisherEventCallbacks(
+                    incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
+            )
 
     def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
         topic = self.resolve_topic_name(name)
-        self.create_subscription(
-            message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
-            event_callbacks=SubscriptionEventCallbacks(
-                incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
-        )
+        with naming_overrides(topic):
+            self.create_subscription(
+                message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+                event_callbacks=SubscriptionEventCallbacks(
+                    incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
+            )
 
     def _use_parameters(self, parameters: NodeParameters) -> None:
         """The pairing's part; the worker looks at `current` before each frame."""

@@ -1,6 +1,9 @@
 """QoS of the node's topics, and what to say when somebody's does not fit."""
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -23,6 +26,16 @@ def _profile(depth: int, reliability: ReliabilityPolicy) -> QoSProfile:
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=reliability, durability=DurabilityPolicy.VOLATILE
     )
+
+
+@contextlib.contextmanager
+def naming_overrides(topic: str) -> Iterator[None]:
+    """Around the making of a publisher or subscription: whatever a bad override raises becomes a ValueError."""
+    try:
+        yield
+    except (AssertionError, TypeError, RuntimeError) as error:
+        detail = str(error) or 'a value has the wrong type'
+        raise ValueError(f'the parameters qos_overrides.{topic}.* make no QoS: {detail}') from error
 
 
 def incompatible_line(topic: str, entity: str, policy: str) -> str:

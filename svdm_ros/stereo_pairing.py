@@ -132,7 +132,6 @@ class StereoPairer[Image]:
         """Drop what is older than the jump; the other side may have jumped first, its new images stay."""
         self.jumps += 1
         own.restart()
-        other.paired_up_to = None
         if other.newest is not None and other.newest > (now + before) // 2:
             other.restart()
 

@@ -22,7 +22,7 @@ DEFAULTS = {info.name: info.default for info in node_parameter_table()}
 
 
 @pytest.fixture(scope='module')
-def shared(tmp_path_factory):
+def running(tmp_path_factory):
     with running_node(tmp_path_factory.mktemp('node')) as (node, client):
         client.wait_for_node()
         yield node, client
@@ -30,13 +30,13 @@ def shared(tmp_path_factory):
 
 
 @pytest.fixture
-def node(shared):
-    return shared[0]
+def node(running):
+    return running[0]
 
 
 @pytest.fixture
-def client(shared):
-    client = shared[1]
+def client(running):
+    client = running[1]
     assert client.set_atomically(**DEFAULTS).successful
     client.publish_infos()
     client.exchange_until(*dots(), lambda message: message.f > 0 and message.t > 0, 'camera_info taken')

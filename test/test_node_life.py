@@ -24,16 +24,33 @@ def dots(**fields):
     return [image_message(pixels) for pixels in random_dots(**fields)]
 
 
-@pytest.mark.parametrize(('arguments', 'told'), [
-    (['-p', 'w_p:=10'], r'w_p = 10 is not allowed: it must be an integer, 1, 3 \.\.\. 101 px'),
-    (['-p', 'gradient:=vertical'], r"gradient = 'vertical' is not allowed: it must be horizontal \| magnitude"),
-    (['-p', 'alpha:=[1, 2]'], r'alpha = .*\[1, 2\].* is not allowed: it must be a number, 0.0 to 1000.0'),
-    (['--params-file', 'missing.yaml'], r'missing\.yaml'),
-    (['-p', 'qos_overrides./disparity.publisher.reliability:=sloppy'], 'sloppy'),
-])
-def test_a_bad_setting_at_the_start_is_told_in_one_line_and_ends_with_2(tmp_path, arguments, told):
-    node = NodeProcess(fresh_domain(), tmp_path / 'node.log', *arguments)
-    assert node.exit_code() == 2
+BAD_SETTINGS = {
+    r'w_p = 10 is not allowed: it must be an integer, 1, 3 \.\.\. 101 px': ['-p', 'w_p:=10'],
+    r"gradient = 'vertical' is not allowed: it must be horizontal \| magnitude": ['-p', 'gradient:=vertical'],
+    r'alpha = .*\[1, 2\].* is not allowed: it must be a number, 0.0 to 1000.0': ['-p', 'alpha:=[1, 2]'],
+    r'missing\.yaml': ['--params-file', 'missing.yaml'],
+    r'qos_overrides\./disparity\.\*.*sloppy': ['-p', 'qos_overrides./disparity.publisher.reliability:=sloppy'],
+    r'left/image_rect\.\* make no QoS: a value has': ['-p', 'qos_overrides./left/image_rect.subscription.depth:=few'],
+}
+
+
+@pytest.fixture(scope='module')
+def refused(tmp_path_factory):
+    """One node for each bad setting, all starting at once."""
+    folder = tmp_path_factory.mktemp('refused')
+    nodes = {
+        told: NodeProcess(fresh_domain(), folder / f'{number}.log', *arguments)
+        for number, (told, arguments) in enumerate(BAD_SETTINGS.items())
+    }
+    yield nodes
+    for node in nodes.values():
+        node.kill()
+
+
+@pytest.mark.parametrize('told', BAD_SETTINGS)
+def test_a_bad_setting_at_the_start_is_told_in_one_line_and_ends_with_2(refused, told):
+    node = refused[told]
+    assert node.exit_code(limit=60.0) == 2
     lines = [line for line in node.log.splitlines() if 'not started' in line]
     assert len(lines) == 1
     assert re.search(told, lines[0])
@@ -94,37 +111,32 @@ def test_images_that_come_during_the_compilation_are_dropped_and_counted(tmp_pat
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('busy', [False, True], ids=['idle', 'matching'])
-def test_a_signal_ends_the_node_with_0(tmp_path, number, busy):
+def test_a_signal_ends_a_node_at_work_with_0(tmp_path, number):
     with running_node(tmp_path) as (node, client):
-        if busy:
-            client.wait_for_node()
-            assert client.set_atomically(**SLOW).successful
-            for _ in range(3):
-                client.publish_pair(*dots(**LARGE))
+        client.wait_for_node()
+        assert client.set_atomically(**SLOW).successful
+        for _ in range(3):
+            client.publish_pair(*dots(**LARGE))
         assert node.end(number, limit=5.0) == 0
         assert 'Traceback' not in node.log
 
 
-def test_a_viewer_with_an_incompatible_qos_is_told(tmp_path):
-    qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    with running_node(tmp_path, disparity_qos=qos) as (node, client):
-        line = client.spin_until(
-            lambda: next((line for line in node.log.splitlines() if 'incompatible QoS' in line), None), 'an error line')
-        assert '[ERROR]' in line
-        assert '/disparity: a subscription has an incompatible QoS (DURABILITY)' in line
-        assert '-p qos_overrides./disparity.publisher.durability:=' in line
-
-
-def test_a_camera_with_an_incompatible_qos_is_told_and_the_override_mends_it(tmp_path):
-    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+def test_an_incompatible_qos_is_told_with_the_setting_that_mends_it(tmp_path):
     override = 'qos_overrides./left/image_rect.subscription.reliability'
-    with running_node(tmp_path, '-p', f'{override}:=reliable', image_qos=best_effort) as (node, client):
-        line = client.spin_until(
-            lambda: next((line for line in node.log.splitlines() if 'incompatible QoS' in line), None), 'an error line')
-        assert '[ERROR]' in line
-        assert '/left/image_rect: a publisher has an incompatible QoS (RELIABILITY)' in line
-        assert f'-p {override}:=' in line
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    told = {
+        '/left/image_rect: a publisher has an incompatible QoS (RELIABILITY)': f'-p {override}:=',
+        '/disparity: a subscription has an incompatible QoS (DURABILITY)':
+            '-p qos_overrides./disparity.publisher.durability:=',
+    }
+    arguments = ['-p', f'{override}:=reliable']
+    with running_node(tmp_path, *arguments, image_qos=best_effort, disparity_qos=latched) as (node, _):
+        for problem, remedy in told.items():
+            line = node.wait_for_log(problem)
+            assert '[ERROR]' in line
+            assert remedy in line
+        assert node.end(signal.SIGINT, limit=5.0) == 0
 
 
 def test_the_newest_pair_wins_when_the_node_is_too_slow(tmp_path):

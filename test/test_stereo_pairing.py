@@ -108,6 +108,12 @@ def test_of_two_candidates_the_nearer_is_taken():
     assert [(pair.left, pair.right) for pair in pairs] == [(18 * MS, 30 * MS)]
 
 
+def test_an_image_waits_no_longer_for_a_partner_that_is_nearer_to_a_later_one():
+    pairer = StereoPairer(tolerance_ns=20 * MS)
+    pairs = feed(pairer, [('left', 0), ('left', 12 * MS), ('right', 14 * MS), ('left', 24 * MS)])
+    assert [(pair.left, pair.right) for pair in pairs] == [(12 * MS, 14 * MS)]
+
+
 @given(st.integers(5, 40), st.integers(1, 4), st.booleans())
 def test_all_pairs_of_every_pass_of_a_looping_bag_come_out(frames, passes, right_first):
     stamps = [10**9 + index * PERIOD for index in range(frames)]
@@ -124,6 +130,13 @@ def test_no_pair_is_lost_when_one_side_loops_before_the_other():
     stream += [('left', stamps[0]), *interleaved(stamps[1:])]
     pairs = feed(StereoPairer(), stream)
     assert [pair.left for pair in pairs] == stamps[:-1] + stamps
+
+
+def test_a_loop_that_is_a_jump_on_one_side_only_gives_its_pairs():
+    last = JUMP_BACK_NS
+    bag = [('left', 0), ('right', 0), ('left', last // 2), ('right', last // 2), ('left', last), ('right', last + MS)]
+    pairs = feed(StereoPairer(tolerance_ns=2 * MS), [*bag, ('right', 0), ('left', 0), *bag[2:]])
+    assert [pair.left for pair in pairs] == [0, last // 2, last] * 2
 
 
 def test_a_jump_drops_what_waits_and_says_so():
