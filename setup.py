@@ -24,7 +24,7 @@ setup(
         (f'share/{name}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
+    extras_require={'test': ['pytest'], 'cli': ['rich', 'scikit-image', 'matplotlib']},
     zip_safe=False,
     entry_points={
         'console_scripts': [
