@@ -12,7 +12,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 
-from . import benchmark, benchmark_report
+from . import benchmark
 from .matcher import StereoMatcher
 from .presets import preset_names
 
@@ -73,6 +73,8 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _benchmark(options: argparse.Namespace) -> None:
+    from . import benchmark_report  # needs rich, which `svdm warmup` must do without
+
     for path in (options.json, options.png):
         if path is not None and path.exists():
             raise ValueError(f'{path} exists already: remove it, or name another file')

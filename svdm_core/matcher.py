@@ -25,6 +25,9 @@ _KERNELS = threading.Lock()
 # The threads numba started with: its cores, or what NUMBA_NUM_THREADS says.
 _CORES = numba.get_num_threads()
 
+# Most that the costs in work may take, where one block of either view takes less: memory must not grow with the cores.
+_COST_BYTES = 256 * 2**20
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class DisparityResult:
@@ -50,8 +53,8 @@ class StereoMatcher:
 
     def __init__(self, parameters: MatcherParameters | None = None, threads: int = 0) -> None:
         """Raises ValueError when `threads` is negative."""
-        if threads < 0:
-            raise ValueError(f'threads = {threads} is not allowed: it must be 0 (all cores) or more')
+        if not isinstance(threads, int) or threads < 0:
+            raise ValueError(f'threads = {threads!r} is not allowed: it must be an integer, 0 (all cores) or more')
         self.parameters = parameters or MatcherParameters()
         self.threads = threads
         self._buffers: _Buffers | None = None
@@ -109,13 +112,19 @@ class StereoMatcher:
             channels=1 if image.ndim == 2 else image.shape[2],
             min_disparity=parameters.min_disparity,
             num_disparities=parameters.num_disparities,
-            blocks=min(max(1, numba.get_num_threads() // 2), -(-parameters.num_disparities // BLOCK)),
+            blocks=_blocks(image.shape[0] * image.shape[1], parameters.num_disparities),
         )
         if self._buffers is None or self._buffers.layout != layout:
             self._buffers = None  # free the old ones before the new ones are made
             self._buffers = _Buffers(layout)
         self._buffers.winners.reset()
         return self._buffers
+
+
+def _blocks(nodes: int, num_disparities: int) -> int:
+    """Blocks of each view in work at once: one for each two threads, as long as they fit into _COST_BYTES."""
+    fitting = _COST_BYTES // (2 * nodes * BLOCK * 4)
+    return max(1, min(numba.get_num_threads() // 2, -(-num_disparities // BLOCK), fitting))
 
 
 @dataclasses.dataclass(frozen=True)

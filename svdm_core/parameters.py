@@ -63,10 +63,10 @@ class ParameterInfo:
             return value in self.choices
         if isinstance(value, bool | str):
             return True
-        if not math.isfinite(value) or self.minimum is None or self.maximum is None:
+        if self.minimum is None or self.maximum is None or not self.minimum <= value <= self.maximum:
             return False
         on_step = self.step <= 1 or (value - self.minimum) % self.step == 0
-        return self.minimum <= value <= self.maximum and on_step
+        return bool(on_step)
 
 
 def _converted(value: Any, wanted: type) -> Any:
@@ -78,8 +78,11 @@ def _converted(value: Any, wanted: type) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     if wanted is int:
-        return int(value) if math.isfinite(value) and value == int(value) else None
-    return float(value)
+        return int(value) if isinstance(value, int) or value.is_integer() else None
+    try:
+        return float(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return math.inf
 
 
 def _parameter(default: bool | int | float | str, meaning: str, **info: Any) -> Any:

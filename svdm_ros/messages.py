@@ -64,7 +64,7 @@ def _fill_image(message: DisparityImage, disparity: NDArray[np.float32]) -> None
 
 def _disparity_step(parameters: MatcherParameters, smallest: np.float32, largest: np.float32) -> float:
     """1 px; sub-pixel gives any float32, so there the step is the spacing of float32 at the far end of the range."""
-    return float(np.spacing(max(abs(smallest), abs(largest)))) if parameters.subpixel else 1.0
+    return float(np.spacing(max(abs(smallest), abs(largest)))) if parameters.subpixel and largest > smallest else 1.0
 
 
 def _valid_window(shape: tuple[int, ...], unmatched_columns: int) -> RegionOfInterest:
