@@ -1,15 +1,50 @@
 """Stage 2, cost aggregation along the minimum spanning forest (eqs 12-13), exact in two passes (Yang 2012).
 
-Costs lie in node order, node k's row is row k. A parent stands before its children, so both passes
-stream through memory.
+The passes stream through nodes in breadth-first order, node k's costs are row k: a parent stands before its
+children, and the children of one parent side by side. The upward pass computes the matching costs as it goes and
+the downward pass hands each finished row to stage 3, so that nothing is stored but the rows of one block.
 """
 from __future__ import annotations
+
+import dataclasses
 
 import numba
 import numpy as np
 
-from .arrays import Float32, Int32, Uint8
-from .matching_cost import BLOCK
+from .arrays import Float32, Int16, Int32, Uint8, UInt64
+from .disparity_optimization import Winners, take_smallest
+from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_vector, gather_nodes
+from .parameters import MatcherParameters
+from .spanning_forest import SpanningTrees
+from .vectors import load, pointer, splat, store
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ForestNodes:
+    """All that the passes read of the nodes, in breadth-first order; view 0 is left, view 1 the mirrored right one.
+
+    similarity: float32 (2, N), support across the edge to the parent.
+    inner: float32 (2, N), 1 where a node has children, else 0. partner, own, own_census: of `gather_nodes`.
+    """
+
+    similarity: Float32
+    inner: Float32
+    partner: Int32
+    own: Float32
+    own_census: UInt64
+
+    @classmethod
+    def empty(cls, planes: MatchingPlanes, nodes: int) -> ForestNodes:
+        """Room for two views of `nodes` nodes each, whose values come from such planes."""
+        own_census = np.zeros((2, nodes if planes.census.size else 0), np.uint64)
+        return cls(np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.int32),
+                   np.zeros((2, nodes * planes.values.shape[1]), np.float32), own_census)
+
+    def gather(self, trees: SpanningTrees, planes: MatchingPlanes, width: int, parameters: MatcherParameters) -> None:
+        """From the trees and the planes of a pair, W = width."""
+        similarities = _similarities(parameters.sigma_tree, parameters.d_y)
+        _supports(trees.parent, trees.weight, similarities, self.similarity, self.inner)
+        gather_nodes(planes.values, planes.census, trees.pixel, width, self.partner, self.own, self.own_census)
 
 
 def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
@@ -17,38 +52,100 @@ def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
 
     weight: uint8, grey levels. sigma_tree on 0..1, d_y in grey levels. Returns float32 of the same shape.
     """
+    return _similarities(sigma_tree, d_y)[weight]
+
+
+def _similarities(sigma_tree: float, d_y: int) -> Float32:
     levels = np.arange(256)
-    table = np.where(levels > d_y, 0.0, np.exp(-levels / (255 * sigma_tree)))
-    return table.astype(np.float32)[weight]
+    return np.where(levels > d_y, 0.0, np.exp(-levels / (255 * sigma_tree))).astype(np.float32)
 
 
-@numba.njit(cache=True)
-def _leaf_to_root(cost: Float32, parent: Int32, similarity: Float32) -> None:
-    """A_up(p) = C(p) + sum over children c of S(c) A_up(c), in place."""
-    for k in range(parent.size - 1, 0, -1):
-        child, up, s = cost[k], cost[parent[k]], similarity[k]
-        for j in range(BLOCK):
-            up[j] += s * child[j]
+def aggregate(
+    trees: SpanningTrees, nodes: ForestNodes, planes: MatchingPlanes, parameters: MatcherParameters, scratch: Float32,
+    winners: Winners,
+) -> None:
+    """Stages 1 and 2 over all disparities; the winners take what comes out.
 
-
-@numba.njit(cache=True)
-def _root_to_leaf(cost: Float32, parent: Int32, similarity: Float32) -> None:
-    """A(v) = S(v) A(parent) + (1 - S(v)^2) A_up(v), in place."""
-    for k in range(1, parent.size):
-        row, up, s = cost[k], cost[parent[k]], similarity[k]
-        rest = np.float32(1) - s * s
-        for j in range(BLOCK):
-            row[j] = s * up[j] + rest * row[j]
+    scratch: float32 (2, slots, N * BLOCK), finite; each slot of each view is one task, which works through its
+    share of the disparities a block at a time. Costs are sums weighted by support and not divided by its sum: one
+    factor a node changes neither its winner nor its parabola.
+    """
+    values = planes.values.reshape(2, -1)
+    census = planes.census.reshape(2, -1)
+    size = planes.values[0, 0].size
+    _aggregate(trees.parent, nodes.similarity, nodes.inner, nodes.partner, nodes.own, nodes.own_census, values,
+               census, size, cost_scale(parameters), parameters.min_disparity, parameters.num_disparities,
+               parameters.subpixel, scratch, winners.best, winners.index, winners.beside)
 
 
 @numba.njit(cache=True, parallel=True)
-def aggregate_blocks(cost: Float32, parent: Int32, similarity: Float32) -> None:
-    """Sum of the support-weighted costs, in place: cost (2, blocks, N, BLOCK), parent and similarity (2, N).
+def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Float32) -> None:
+    views, nodes = parent.shape
+    inner[:] = 0
+    for view in numba.prange(views):
+        for k in range(nodes):
+            similarity[view, k] = similarities[weight[view, k]]
+        for k in range(1, nodes):
+            inner[view, parent[view, k]] = 1
 
-    Not divided by the sum of supports: one factor a node changes neither its winner nor its parabola.
-    """
-    views, blocks = cost.shape[:2]
-    for task in numba.prange(views * blocks):
-        view, block = task // blocks, task % blocks
-        _leaf_to_root(cost[view, block], parent[view], similarity[view])
-        _root_to_leaf(cost[view, block], parent[view], similarity[view])
+
+@numba.njit(cache=True, parallel=True)
+def _aggregate(
+    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    values: Int16, census: UInt64, size: int, scale: CostScale, min_disparity: int, num_disparities: int,
+    subpixel: bool, scratch: Float32, best: Int32, index: Int32, beside: Float32,
+) -> None:
+    views, slots, length = scratch.shape
+    block = length // parent.shape[1]
+    rounds = -(-num_disparities // (slots * block))
+    for task in numba.prange(views * slots):
+        view, slot = task // slots, task % slots
+        start, stop = slot * rounds * block, min(num_disparities, (slot + 1) * rounds * block)
+        for first in range(start, stop, block):
+            _leaf_to_root(parent[view], similarity[view], inner[view], partner[view], own[view], own_census[view],
+                          values[1 - view], census[1 - view], size, scale, min_disparity + first, scratch[view, slot])
+            _root_to_leaf(parent[view], similarity[view], first, start, stop, subpixel and view == 0,
+                          scratch[view, slot], best[view, slot], index[view, slot], beside[slot])
+
+
+@numba.njit(cache=True)
+def _leaf_to_root(
+    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    values: Int16, census: UInt64, size: int, scale: CostScale, disparity: int, rows: Float32,
+) -> None:
+    """A_up(p) = C(p) + sum over children c of S(c) A_up(c); rows (N * BLOCK), their content of before is void."""
+    block = rows.size // parent.size
+    planes = values.size // size
+    at, own_at, own_census_at = pointer(rows), pointer(own), pointer(own_census)
+    values_at, census_at, has_census = pointer(values), pointer(census), census.size > 0
+    children = splat(np.float32(0))
+    parent_before = np.int32(-1)
+    for k in range(parent.size - 1, -1, -1):
+        cost = cost_vector(own_at, own_census_at, k, values_at, census_at, has_census, planes, size,
+                           partner[k] + disparity, scale)
+        row = cost + splat(inner[k]) * load(at, k * block)
+        store(at, k * block, row)
+        above = parent[k]
+        sibling = np.float32(1) if above == parent_before else np.float32(0)
+        children = splat(sibling) * children + splat(similarity[k]) * row
+        if k > 0:
+            store(at, above * block, children)
+        parent_before = above
+
+
+@numba.njit(cache=True)
+def _root_to_leaf(
+    parent: Int32, similarity: Float32, first: int, start: int, stop: int, subpixel: bool, rows: Float32,
+    best: Int32, index: Int32, beside: Float32,
+) -> None:
+    """A(v) = S(v) A(parent) + (1 - S(v)^2) A_up(v); the finished row goes to `take_smallest`."""
+    block = rows.size // parent.size
+    beyond = np.zeros(block, np.float32)  # added to the costs: infinite behind the search range
+    beyond[min(stop - first, block):] = np.inf
+    barrier = load(pointer(beyond), 0)
+    at, best_at, index_at, beside_at = pointer(rows), pointer(best), pointer(index), pointer(beside)
+    for k in range(parent.size):
+        s = similarity[k] if k > 0 else np.float32(0)
+        row = splat(s) * load(at, parent[k] * block) + splat(np.float32(1) - s * s) * load(at, k * block)
+        store(at, k * block, row)
+        take_smallest(row + barrier, at, block, k, first, start, subpixel, best_at, index_at, beside_at, best.size)

@@ -6,14 +6,11 @@ import dataclasses
 import numba
 import numpy as np
 
-from .arrays import Float32, Int32, Int64
-from .matching_cost import BLOCK
+from .arrays import Float32, Int32
+from .vectors import smallest
 
-# A cost and its disparity in one integer: the bits of a float32 >= 0 order like the float, so the smallest key is
-# the smallest cost, at the smallest disparity among equals, and minima need no branch.
-_COST_BITS = np.int64(32)
-_INDEX_MASK = np.int64(2**32 - 1)
-_NO_KEY = np.int64(2**63 - 1)
+# Rows of `Winners.beside`: the costs one disparity below and above the winner, and at the ends of the slot's range.
+_BELOW, _ABOVE, _FIRST, _LAST = range(4)
 
 # Nodes worked on by one task.
 _CHUNK = 4096
@@ -21,93 +18,61 @@ _CHUNK = 4096
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Winners:
-    """The best disparity of each node so far.
+    """The best disparity of each node so far, in each of several ranges of disparities (slots) that run side by side.
 
-    key: int64 (2, N), per view the bits of the smallest cost << 32 | its disparity - min_disparity.
-    below, above: float32 (N,), left view: the costs one disparity beside the winner, for the parabola.
-    last: float32 (N,), left view: the cost at the last disparity seen.
+    best: int32 (2, slots, N), bits of the smallest float32 cost >= 0, which order like the costs.
+    index: int32 (2, slots, N), its disparity - min_disparity, the smallest among equal costs.
+    beside: float32 (slots, 4, N), left view: costs one below and one above the winner, and at the slot's ends.
     """
 
-    key: Int64
-    below: Float32
-    above: Float32
-    last: Float32
+    best: Int32
+    index: Int32
+    beside: Float32
 
     @classmethod
-    def empty(cls, nodes: int) -> Winners:
-        """Room for two views of `nodes` nodes."""
-        return cls(np.full((2, nodes), _NO_KEY), *np.zeros((3, nodes), np.float32))
+    def empty(cls, slots: int, nodes: int) -> Winners:
+        """Room for two views of `nodes` nodes; the first block of a slot overwrites what was there before."""
+        best, index = np.zeros((2, 2, slots, nodes), np.int32)
+        return cls(best, index, np.zeros((slots, 4, nodes), np.float32))
 
-    def reset(self) -> None:
-        """Forget all disparities seen."""
-        self.key.fill(_NO_KEY)
-
-    def update(self, cost: Float32, first: int, count: int, subpixel: bool = True) -> None:
-        """Let the disparities first .. first + count - 1 compete: cost (2, blocks, N, BLOCK), all >= 0.
-
-        Blocks must come in the order of their disparities. Without `subpixel` the neighbours are not kept.
-        """
-        _update(cost, first, count, subpixel, self.key, self.below, self.above, self.last)
-
-    def images(self, pixel: Int32, shape: tuple[int, int], num_disparities: int) -> tuple[Int32, Float32]:
+    def images(
+        self, pixel: Int32, shape: tuple[int, int], num_disparities: int, per_slot: int
+    ) -> tuple[Int32, Float32]:
         """The result in image order: winners and the left view's sub-pixel offsets.
 
-        pixel: int32 (2, N), pixel of each node, the right view's mirrored. Returns int32 (2, H, W), disparity -
-        min_disparity, neither view mirrored; and float32 (H, W), the vertex of the parabola through the winner's
-        cost and its neighbours', -0.5 .. 0.5 px, 0 at either end of the search range.
+        pixel: int32 (2, N), pixel of each node, the right view's mirrored. per_slot: disparities of a slot. Returns
+        int32 (2, H, W), disparity - min_disparity, the right view still mirrored; and float32 (H, W), the vertex of
+        the parabola through the winner's cost and its neighbours', -0.5 .. 0.5 px, 0 at the ends of the search range.
         """
         winner = np.empty((2, *shape), np.int32)
         vertex = np.empty(shape, np.float32)
-        cost = (self.key[0] >> _COST_BITS).astype(np.int32).view(np.float32)
-        _images(pixel, self.key, cost, self.below, self.above, num_disparities - 1, winner, vertex)
+        _images(pixel, self.best, self.best.view(np.float32), self.index, self.beside, num_disparities - 1, per_slot,
+                winner.reshape(2, -1), vertex.reshape(-1))
         return winner, vertex
 
 
 @numba.njit(cache=True)
-def _smallest_keys(rows: Float32, first: int, count: int, key: Int64) -> None:
-    """One block: rows (n, BLOCK), of which the first `count` disparities compete; key (n,)."""
-    for k in range(key.size):
-        bits = rows[k].view(np.int32)
-        smallest = key[k]
-        for j in range(count):
-            smallest = min(smallest, np.int64(bits[j]) << _COST_BITS | np.int64(first + j))
-        key[k] = smallest
+def take_smallest(row, rows, block, k, first, start, subpixel, best, index, beside, nodes):  # type: ignore[no-untyped-def]
+    """Let the block of node k compete, whose first disparity is `first`; `start` is the first of its slot.
 
-
-@numba.njit(cache=True)
-def _keep_neighbours(
-    rows: Float32, first: int, count: int, before: Int64, key: Int64, below: Float32, above: Float32, last: Float32
-) -> None:
-    """Costs beside the winner, where it is in this block or was at the end of the one before."""
-    for k in range(key.size):
-        row = rows[k]
-        if before[k] & _INDEX_MASK == first - 1:
-            above[k] = row[0]
-        if key[k] != before[k]:
-            j = (key[k] & _INDEX_MASK) - first
-            below[k] = row[j - 1] if j > 0 else last[k]
-            above[k] = row[min(j + 1, count - 1)]
-        last[k] = row[count - 1]
-
-
-@numba.njit(cache=True, parallel=True)
-def _update(
-    cost: Float32, first: int, count: int, subpixel: bool, key: Int64, below: Float32, above: Float32, last: Float32
-) -> None:
-    blocks, nodes = cost.shape[1:3]
-    for chunk in numba.prange(-(-nodes // _CHUNK)):
-        start, stop = chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)
-        for block in range(blocks):
-            here = first + block * BLOCK
-            competing = min(BLOCK, first + count - here)
-            if competing > 0:
-                rows, best = cost[0, block, start:stop], key[0, start:stop]
-                before = best.copy()
-                _smallest_keys(rows, here, competing, best)
-                if subpixel:
-                    _keep_neighbours(rows, here, competing, before, best, below[start:stop], above[start:stop],
-                                     last[start:stop])
-                _smallest_keys(cost[1, block, start:stop], here, competing, key[1, start:stop])
+    row: its costs as a vector, infinite behind the search range. rows: pointer to where they lie from k * block on.
+    best, index, beside: pointers to those of `Winners`, one slot of one view.
+    """
+    least, lane = smallest(row)
+    here = k * block
+    wins = first == start or least < best[k]
+    if subpixel:
+        if first == start:
+            beside[_FIRST * nodes + k] = rows[here]
+        elif index[k] == first - 1:
+            beside[_ABOVE * nodes + k] = rows[here]
+        if wins:
+            beside[_BELOW * nodes + k] = rows[here + lane - 1] if lane > 0 else beside[_LAST * nodes + k]
+            beside[_ABOVE * nodes + k] = rows[here + min(lane + 1, block - 1)]
+        beside[_LAST * nodes + k] = rows[here + block - 1]
+    if wins:
+        best[k] = least
+        index[k] = first + lane
 
 
 @numba.njit(cache=True, inline='always')
@@ -118,17 +83,31 @@ def _parabola(below: np.float32, best: np.float32, above: np.float32) -> np.floa
     return min(max(np.float32(0.5) * (below - above) / bend, np.float32(-0.5)), np.float32(0.5))
 
 
+@numba.njit(cache=True)
+def _best_slot(best: Int32, k: int) -> int:
+    winner = 0
+    for slot in range(1, best.shape[0]):
+        if best[slot, k] < best[winner, k]:
+            winner = slot
+    return winner
+
+
 @numba.njit(cache=True, parallel=True)
 def _images(
-    pixel: Int32, key: Int64, cost: Float32, below: Float32, above: Float32, end: int, winner: Int32, vertex: Float32
+    pixel: Int32, best: Int32, cost: Float32, index: Int32, beside: Float32, end: int, per_slot: int, winner: Int32,
+    vertex: Float32,
 ) -> None:
-    nodes, width = pixel.shape[1], vertex.shape[1]
+    nodes, slots = pixel.shape[1], best.shape[1]
     for chunk in numba.prange(-(-nodes // _CHUNK)):
         for k in range(chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)):
-            y, x = divmod(pixel[1, k], width)
-            winner[1, y, width - 1 - x] = key[1, k] & _INDEX_MASK
-            y, x = divmod(pixel[0, k], width)
-            index = key[0, k] & _INDEX_MASK
-            winner[0, y, x] = index
-            inside = 0 < index < end
-            vertex[y, x] = _parabola(below[k], cost[k], above[k]) if inside else np.float32(0)
+            winner[1, pixel[1, k]] = index[1, _best_slot(best[1], k), k]
+            slot = _best_slot(best[0], k)
+            d = index[0, slot, k]
+            winner[0, pixel[0, k]] = d
+            offset = np.float32(0)
+            if 0 < d < end:
+                at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < slots - 1
+                below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
+                above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]
+                offset = _parabola(below, cost[0, slot, k], above)
+            vertex[pixel[0, k]] = offset

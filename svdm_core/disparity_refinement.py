@@ -15,7 +15,7 @@ def left_right_check(
 ) -> Bool:
     """Where the views agree (eq 15): |d_L(p) - d_R(p - d_L(p))| <= tau_lr, with p - d_L(p) inside the image.
 
-    left, right: int32 (H, W), disparity - min_disparity of either view. tau_lr in px.
+    left, right: int32 (H, W), disparity - min_disparity of either view, the right one mirrored. tau_lr in px.
     """
     return _left_right_check(left, right, min_disparity, tau_lr)
 
@@ -64,7 +64,7 @@ def _left_right_check(left: Int32, right: Int32, min_disparity: int, tau_lr: flo
     for y in numba.prange(height):
         for x in range(width):
             partner = x - left[y, x] - min_disparity
-            valid[y, x] = partner >= 0 and abs(left[y, x] - right[y, partner]) <= tau_lr
+            valid[y, x] = partner >= 0 and abs(left[y, x] - right[y, width - 1 - partner]) <= tau_lr
     return valid
 
 

@@ -12,12 +12,12 @@ import numba
 import numpy as np
 
 from .arrays import Bool, Float32, Image, Uint8
-from .cost_aggregation import aggregate_blocks, edge_similarity
+from .cost_aggregation import ForestNodes, aggregate
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
-from .matching_cost import BLOCK, empty_planes, fill_planes, matching_cost_blocks, node_values
+from .matching_cost import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
-from .spanning_forest import minimum_spanning_trees
+from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
@@ -83,22 +83,16 @@ class StereoMatcher:
         clock = _StageClock()
         buffers = self._buffers_for(left, parameters)
         with clock.stage('spanning_forest'):
-            pixel, parent, weight = minimum_spanning_trees(_tree_guide(left, parameters),
-                                                           _tree_guide(right, parameters)[:, ::-1])
-            similarity = edge_similarity(weight, parameters.sigma_tree, parameters.d_y)
+            buffers.trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1])
         with clock.stage('matching_cost'):
-            fill_planes(left, right, parameters.gradient, buffers.planes)
-            partner, values = node_values(buffers.planes, pixel, width)
-        for first in range(0, parameters.num_disparities, buffers.disparities):
-            with clock.stage('matching_cost'):
-                matching_cost_blocks(partner, values, buffers.planes, first, parameters, buffers.cost)
-            with clock.stage('cost_aggregation'):
-                aggregate_blocks(buffers.cost, parent, similarity)
-            with clock.stage('disparity_optimization'):
-                count = min(buffers.disparities, parameters.num_disparities - first)
-                buffers.winners.update(buffers.cost, first, count, parameters.subpixel)
+            buffers.planes.fill(left, right, parameters.gradient)
+            buffers.nodes.gather(buffers.trees, buffers.planes, width, parameters)
+        with clock.stage('cost_aggregation'):
+            aggregate(buffers.trees, buffers.nodes, buffers.planes, parameters,
+                      buffers.scratch, buffers.winners)
         with clock.stage('disparity_optimization'):
-            winner, vertex = buffers.winners.images(pixel, (height, width), parameters.num_disparities)
+            winner, vertex = buffers.winners.images(buffers.trees.pixel, (height, width), parameters.num_disparities,
+                                                    buffers.layout.per_slot)
         with clock.stage('disparity_refinement'):
             valid = left_right_check(winner[0], winner[1], parameters.min_disparity, parameters.tau_lr)
             disparity = refine(winner[0], vertex if parameters.subpixel else None, valid, left, parameters)
@@ -107,57 +101,57 @@ class StereoMatcher:
     def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
         layout = _Layout(
-            height=image.shape[0],
-            width=image.shape[1],
-            channels=1 if image.ndim == 2 else image.shape[2],
+            shape=image.shape,
             min_disparity=parameters.min_disparity,
             num_disparities=parameters.num_disparities,
-            blocks=_blocks(image.shape[0] * image.shape[1], parameters.num_disparities),
+            census=parameters.census_weight > 0,
+            slots=_slots(image.shape[0] * image.shape[1], parameters.num_disparities),
         )
         if self._buffers is None or self._buffers.layout != layout:
             self._buffers = None  # free the old ones before the new ones are made
             self._buffers = _Buffers(layout)
-        self._buffers.winners.reset()
         return self._buffers
 
 
-def _blocks(nodes: int, num_disparities: int) -> int:
-    """Blocks of each view in work at once: one for each two threads, as long as they fit into _COST_BYTES."""
+def _slots(nodes: int, num_disparities: int) -> int:
+    """Ranges of disparities in work side by side: one for each two threads, as long as they fit into _COST_BYTES."""
+    blocks = -(-num_disparities // BLOCK)
     fitting = _COST_BYTES // (2 * nodes * BLOCK * 4)
-    return max(1, min(numba.get_num_threads() // 2, -(-num_disparities // BLOCK), fitting))
+    wanted = max(1, min(numba.get_num_threads() // 2, blocks, fitting))
+    return -(-blocks // -(-blocks // wanted))  # none of them empty
 
 
 @dataclasses.dataclass(frozen=True)
 class _Layout:
     """What the sizes of the buffers follow from."""
 
-    height: int
-    width: int
-    channels: int
+    shape: tuple[int, ...]
     min_disparity: int
     num_disparities: int
-    blocks: int
+    census: bool
+    slots: int
+
+    @property
+    def per_slot(self) -> int:
+        """Disparities of one slot, whole blocks."""
+        return -(-self.num_disparities // (self.slots * BLOCK)) * BLOCK
 
 
 class _Buffers:
-    """Scratch kept from frame to frame: the planes compared, a few blocks of costs, the winners so far.
+    """Scratch kept from frame to frame: the planes compared, a block of costs for each slot, the winners so far.
 
-    All disparities never exist at once: with B blocks of a view in work, memory is B * BLOCK / D of a cost volume.
+    All disparities never exist at once: with S slots, memory is S * BLOCK / D of a cost volume for each view.
     """
 
     def __init__(self, layout: _Layout) -> None:
-        nodes = layout.height * layout.width
+        nodes = layout.shape[0] * layout.shape[1]
         self.layout = layout
-        rounds = -(-layout.num_disparities // self.disparities)
-        end = layout.min_disparity + rounds * self.disparities
-        self.planes = empty_planes(layout.height, layout.width, layout.channels, end)
-        self.cost = np.empty((2, layout.blocks, nodes, BLOCK), np.float32)
-        self.winners = Winners.empty(nodes)
-
-    @property
-    def disparities(self) -> int:
-        """Disparities in work at once."""
-        return self.layout.blocks * BLOCK
+        end = layout.min_disparity + layout.slots * layout.per_slot
+        self.planes = MatchingPlanes.empty(layout.shape, end, layout.census)
+        self.trees = SpanningTrees.empty(layout.shape)
+        self.nodes = ForestNodes.empty(self.planes, nodes)
+        self.scratch = np.zeros((2, layout.slots, nodes * BLOCK), np.float32)
+        self.winners = Winners.empty(layout.slots, nodes)
 
 
 class _StageClock:

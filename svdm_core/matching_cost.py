@@ -1,49 +1,71 @@
-"""Stage 1, matching cost: truncated absolute difference + alpha x truncated gradient difference (eqs 1-8).
+"""Stage 1, matching cost: truncated absolute and gradient differences (eqs 1-8) and, if wanted, a census distance.
 
-The right view is matched on the mirrored pair, so both views have the same form: reference pixel x at
-disparity d meets column W - 1 - x + d of the other view's mirrored image, a forward step in memory for
-each step in d. Behind the last column stands a value no image has; its difference truncates to the
-largest cost, which is what x - d < 0 costs.
+What is compared lies in planes of whole 64ths of an 8-bit grey level: exact but for gradient magnitudes and
+16-bit images. The right view is matched on the mirrored pair, so both views have the same form: reference
+pixel x at disparity d meets column W - 1 - x + d of the other view's mirrored image, a forward step in memory
+for each step in d. What lies behind the last column costs the most there is, which is what x - d < 0 costs.
 """
 from __future__ import annotations
+
+import dataclasses
 
 import cv2
 import numba
 import numpy as np
 
-from .arrays import Float32, Image, Int32
+from .arrays import Float32, Image, Int16, Int32, UInt64
 from .parameters import MatcherParameters
+from .vectors import absolute, count_ones, load, minimum, splat, to_float, where_equal
 
-# Disparities worked on at a time by one thread. 16 float32 are one cache line a node, and a block of
-# all nodes stays in the last-level cache.
+# Disparities worked on at a time by one thread: one vector, and one cache line a node.
 BLOCK = 16
 
-# Far outside the intensities 0..1 and gradients -1..1.5, so that any truncation bites.
-_NO_PARTNER = np.float32(1e3)
+# Intensity 1 in the planes, and in the costs.
+INTENSITY = 64 * 255
+
+# Stands in every plane where there is no pixel; no intensity or gradient is so low.
+_NOTHING = np.int16(-(2**15))
+
+# Neighbours compared by the census: a window whose bits fit into one integer, px.
+_CENSUS_ROWS, _CENSUS_COLUMNS = 7, 9
+CENSUS_BITS = _CENSUS_ROWS * _CENSUS_COLUMNS - 1
 
 # Nodes gathered by one task.
 _CHUNK = 4096
 
+# What the kernels know of the parameters: tau_ad, tau_gm, alpha, weight of one census bit, the largest cost.
+CostScale = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
-def empty_planes(height: int, width: int, channels: int, end: int) -> Float32:
-    """Room for `fill_planes`, float32 (2, C + 1, H, W + end), with `_NO_PARTNER` in the columns from W on.
 
-    end: the disparity behind the last one of the last block that `matching_cost_blocks` will compute.
+@dataclasses.dataclass(frozen=True, slots=True)
+class MatchingPlanes:
+    """What stage 1 compares, view 0 the left image and view 1 the mirrored right one.
+
+    values: int16 (2, C + 1, H, pitch), C intensities and the gradient of the grey image, unit 1 / INTENSITY;
+    census: uint64 (2, H, pitch), one bit for each neighbour darker than the pixel, or (2, 0, 0) without census.
+    Columns 0 .. W - 1 are the image, the rest holds no pixel.
     """
-    return np.full((2, channels + 1, height, width + end), _NO_PARTNER, np.float32)
 
+    values: Int16
+    census: UInt64
 
-def fill_planes(
-    left: Image, right: Image, kind: str, planes: Float32
-) -> None:
-    """Write what stage 1 compares: the left view and, mirrored, the right view.
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], end: int, census: bool) -> MatchingPlanes:
+        """Room for images of `shape` (H, W) or (H, W, 3), matched at disparities below `end`."""
+        height, width = shape[:2]
+        values = np.full((2, 2 if len(shape) == 2 else shape[2] + 1, height, width + end), _NOTHING, np.int16)
+        return cls(values, np.zeros((2, height, width + end) if census else (2, 0, 0), np.uint64))
 
-    left, right: uint8 or uint16, (H, W) or (H, W, 3) BGR. kind: of `gradient`. planes: (2, C + 1, H, pitch),
-    receives C intensities on 0..1 and the gradient of the grey image in columns 0 .. W - 1.
-    """
-    for view, image in enumerate((left, right)):
-        colours = image.reshape(*image.shape[:2], -1)
-        _fill_planes(colours, gradient(_grey(image), kind), _unit(image), view == 1, planes[view])
+    def fill(self, left: Image, right: Image, kind: str) -> None:
+        """Take over a pair, uint8 or uint16, (H, W) or (H, W, 3) BGR; kind: of `gradient`."""
+        for view, image in enumerate((left, right)):
+            grey = _grey(image)
+            values, mirrored = self.values[view], view == 1
+            unit = np.float32(INTENSITY) * _unit(image)
+            _fill_colours(image.reshape(*image.shape[:2], -1), unit, mirrored, values)
+            _fill_gradient(grey, unit, kind == 'magnitude', mirrored, values[-1])
+            if self.census.size:
+                _fill_census(grey, mirrored, self.census[view])
 
 
 def intensities(image: Image) -> Float32:
@@ -52,14 +74,13 @@ def intensities(image: Image) -> Float32:
     return planes.astype(np.float32, order='C') * _unit(image)
 
 
-def gradient(grey: Image, kind: str) -> Float32:
-    """Gradient of a grey uint8 or uint16 image (H, W) on intensities 0..1, borders replicated; float32 (H, W).
-
-    'horizontal' is the signed x difference of eq 3, halved; 'magnitude' is eq 5, differences not halved.
-    """
-    result = np.empty(grey.shape, np.float32)
-    _gradient(grey, _unit(grey), kind == 'magnitude', result)
-    return result
+def cost_scale(parameters: MatcherParameters) -> CostScale:
+    """The parameters of stage 1 in units of the planes."""
+    tau_ad, tau_gm = parameters.tau_ad * INTENSITY, parameters.tau_gm * INTENSITY
+    census = parameters.census_weight * INTENSITY
+    largest = tau_ad + parameters.alpha * tau_gm + census
+    return (np.float32(tau_ad), np.float32(tau_gm), np.float32(parameters.alpha), np.float32(census / CENSUS_BITS),
+            np.float32(largest))
 
 
 def _unit(image: Image) -> np.float32:
@@ -71,109 +92,100 @@ def _grey(image: Image) -> Image:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
-def matching_cost_blocks(
-    partner: Int32,
-    values: Float32,
-    planes: Float32,
-    first: int,
-    parameters: MatcherParameters,
-    cost: Float32,
-) -> None:
-    """Fill cost (2, blocks, N, BLOCK) for both views; block b starts at disparity min_disparity + first + b * BLOCK.
-
-    partner, values: of `node_values`; planes: of `fill_planes`. Disparities behind the search range cost
-    something, but nothing sensible.
-    """
-    taus = np.float32(parameters.tau_ad), np.float32(parameters.tau_gm), np.float32(parameters.alpha)
-    flat = planes.reshape(*planes.shape[:2], -1)
-    _cost_blocks(partner, values, flat, parameters.min_disparity + first, *taus, cost)
-
-
 @numba.njit(cache=True, parallel=True)
-def _gradient(grey: Image, unit: np.float32, magnitude: bool, result: Float32) -> None:
-    height, width = grey.shape
-    for y in numba.prange(height):
-        above, row, below = grey[max(y - 1, 0)], grey[y], grey[min(y + 1, height - 1)]
-        for x in range(width):
-            along_x = np.float32(np.int32(row[min(x + 1, width - 1)]) - np.int32(row[max(x - 1, 0)]))
-            if magnitude:
-                along_y = np.float32(np.int32(below[x]) - np.int32(above[x]))
-                result[y, x] = np.sqrt(along_x * along_x + along_y * along_y) * unit
-            else:
-                result[y, x] = np.float32(0.5) * along_x * unit
-
-
-@numba.njit(cache=True, parallel=True)
-def _fill_planes(image: Image, gradients: Float32, unit: np.float32, mirrored: bool, planes: Float32) -> None:
+def _fill_colours(image: Image, unit: np.float32, mirrored: bool, planes: Int16) -> None:
     height, width, channels = image.shape
     for y in numba.prange(height):
-        for c in range(channels + 1):
+        for c in range(channels):
             to = planes[c, y]
             for x in range(width):
                 column = width - 1 - x if mirrored else x
-                to[x] = gradients[y, column] if c == channels else np.float32(image[y, column, c]) * unit
+                to[x] = np.int16(np.rint(np.float32(image[y, column, c]) * unit))
 
 
 @numba.njit(cache=True, parallel=True)
-def node_values(planes: Float32, pixel: Int32, width: int) -> tuple[Int32, Float32]:
-    """What stage 1 needs of each view's nodes: planes (2, C + 1, H, pitch), pixel int32 (2, N).
+def _fill_gradient(grey: Image, unit: np.float32, magnitude: bool, mirrored: bool, plane: Int16) -> None:
+    """Signed x difference, halved (eq 3), or magnitude, differences not halved (eq 5); borders replicated."""
+    height, width = grey.shape
+    for y in numba.prange(height):
+        row = np.empty(width + 2, np.float32)
+        row[0], row[1:-1], row[width + 1] = grey[y, 0], grey[y], grey[y, width - 1]
+        slope = np.float32(0.5) * (row[2:] - row[:-2])
+        if magnitude:
+            above, below = grey[max(y - 1, 0)], grey[min(y + 1, height - 1)]
+            for x in range(width):
+                along_y = np.float32(below[x]) - np.float32(above[x])
+                slope[x] = np.sqrt(np.float32(4) * slope[x] * slope[x] + along_y * along_y)
+        to = plane[y, :width][::-1] if mirrored else plane[y, :width][::1]
+        for x in range(width):
+            to[x] = np.int16(np.rint(slope[x] * unit))
 
-    Returns partner, int32 (2, N): flat index of the node's partner at disparity 0 in the other view's
-    plane; and values, float32 (2, N, C + 1): the node's own intensities and gradient.
+
+@numba.njit(cache=True, parallel=True)
+def _fill_census(grey: Image, mirrored: bool, plane: UInt64) -> None:
+    """One bit for each neighbour that is darker than the pixel; borders replicated."""
+    height, width = grey.shape
+    across, along = _CENSUS_COLUMNS // 2, _CENSUS_ROWS // 2
+    for y in numba.prange(height):
+        bits = np.zeros(width, np.uint64)
+        near = np.empty(width + 2 * across, grey.dtype)
+        row = grey[y]
+        for i in range(-along, along + 1):
+            other = grey[min(max(y + i, 0), height - 1)]
+            near[:across] = other[0]
+            near[across:across + width] = other
+            near[across + width:] = other[width - 1]
+            for j in range(2 * across + 1):
+                if i == 0 and j == across:
+                    continue
+                beside = near[j:j + width]
+                for x in range(width):
+                    bits[x] = (bits[x] << np.uint64(1)) | np.uint64(beside[x] < row[x])
+        to = plane[y]
+        for x in range(width):
+            to[width - 1 - x if mirrored else x] = bits[x]
+
+
+@numba.njit(cache=True, parallel=True)
+def gather_nodes(
+    values: Int16, census: UInt64, pixel: Int32, width: int, partner: Int32, own: Float32, own_census: UInt64
+) -> None:
+    """What stage 1 needs of each view's nodes: values, census of `MatchingPlanes`; pixel int32 (2, N).
+
+    Writes partner, int32 (2, N): flat index of the node's partner at disparity 0 in the other view's planes;
+    own, float32 (2, N * (C + 1)): the nodes' values; and own_census, uint64 (2, N), empty without census.
     """
     views, nodes = pixel.shape
-    count, pitch = planes.shape[1], planes.shape[3]
-    partner = np.empty((views, nodes), np.int32)
-    values = np.empty((views, nodes, count), np.float32)
+    count, _, pitch = values.shape[1:]
     for chunk in numba.prange(-(-nodes // _CHUNK)):
         for view in range(views):
             for k in range(chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)):
                 y, x = pixel[view, k] // width, pixel[view, k] % width
                 partner[view, k] = y * pitch + width - 1 - x
                 for c in range(count):
-                    values[view, k, c] = planes[view, c, y, x]
-    return partner, values
+                    own[view, k * count + c] = np.float32(values[view, c, y, x])
+                if own_census.size:
+                    own_census[view, k] = census[view, y, x]
 
 
 @numba.njit(cache=True)
-def _cost_block(
-    partner: Int32, values: Float32, planes: Float32, first: int, tau_ad: np.float32, tau_gm: np.float32,
-    alpha: np.float32, cost: Float32,
-) -> None:
-    """cost[k, j] (N, BLOCK): matching cost of node k at disparity first + j (eq 8).
+def cost_vector(own, own_census, k, values, census, has_census, planes, size, start, scale):  # type: ignore[no-untyped-def]
+    """Costs of node k, a vector over BLOCK disparities (eq 8), unit 1 / INTENSITY.
 
-    partner: int32 (N,), flat index of the node's partner at disparity 0 in the other view's `planes`
-    (C + 1, H * pitch); values: (N, C + 1).
+    own (N * (C + 1)), own_census (N): of `node_values`, one view, flat. values, census: the other view's planes,
+    flat, `size` the length of each; start: where in a plane the first partner lies. scale: a `CostScale`.
     """
-    # Not the constant BLOCK: such a short loop would be unrolled and lose its vector instructions.
-    size = cost.shape[1]
-    one, gradients = planes[0], planes[planes.shape[0] - 1]
-    if planes.shape[0] == 2:
-        for k in range(partner.size):
-            start = partner[k] + first
-            row, a, g = cost[k], one[start:start + size], gradients[start:start + size]
-            v0, vg = values[k, 0], values[k, 1]
-            for j in range(size):
-                row[j] = min(abs(v0 - a[j]), tau_ad) + alpha * min(abs(vg - g[j]), tau_gm)
-        return
-    two, three = planes[1], planes[2]
-    for k in range(partner.size):
-        start = partner[k] + first
-        row, a, b = cost[k], one[start:start + size], two[start:start + size]
-        c, g = three[start:start + size], gradients[start:start + size]
-        v0, v1, v2, vg = values[k, 0], values[k, 1], values[k, 2], values[k, 3]
-        for j in range(size):
-            difference = (abs(v0 - a[j]) + abs(v1 - b[j]) + abs(v2 - c[j])) * np.float32(1 / 3)
-            row[j] = min(difference, tau_ad) + alpha * min(abs(vg - g[j]), tau_gm)
-
-
-@numba.njit(cache=True, parallel=True)
-def _cost_blocks(
-    partner: Int32, values: Float32, planes: Float32, first: int, tau_ad: np.float32, tau_gm: np.float32,
-    alpha: np.float32, cost: Float32,
-) -> None:
-    views, blocks = cost.shape[:2]
-    for task in numba.prange(views * blocks):
-        view, block = task // blocks, task % blocks
-        _cost_block(partner[view], values[view], planes[1 - view], first + block * BLOCK,
-                    tau_ad, tau_gm, alpha, cost[view, block])
+    tau_ad, tau_gm, alpha, bit, largest = scale
+    first = k * planes
+    difference = absolute(splat(own[first]) - to_float(load(values, start)))
+    if planes == 4:
+        second = absolute(splat(own[first + 1]) - to_float(load(values, size + start)))
+        third = absolute(splat(own[first + 2]) - to_float(load(values, 2 * size + start)))
+        difference = (difference + second + third) * splat(np.float32(1 / 3))
+    slope = load(values, (planes - 1) * size + start)
+    slope_difference = absolute(splat(own[first + planes - 1]) - to_float(slope))
+    cost = minimum(difference, splat(tau_ad)) + splat(alpha) * minimum(slope_difference, splat(tau_gm))
+    if has_census:
+        distance = count_ones(splat(own_census[k]) ^ load(census, start))
+        cost = cost + splat(bit) * to_float(distance)
+    return where_equal(slope, splat(_NOTHING), splat(largest), cost)

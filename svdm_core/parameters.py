@@ -109,6 +109,9 @@ class MatcherParameters:
         7 / 255, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0)
     tau_gm: float = _parameter(
         2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0)
+    census_weight: float = _parameter(
+        0.0, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
+        minimum=0.0, maximum=1000.0)
     sigma_tree: float = _parameter(
         0.1, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
     d_y: int = _parameter(

@@ -6,6 +6,8 @@ grey levels. Cutting at d_y (eq 10) needs no second structure: a cut edge passes
 """
 from __future__ import annotations
 
+import dataclasses
+
 import numba
 import numpy as np
 
@@ -13,24 +15,43 @@ from .arrays import Int32, Uint8
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 
+# Nodes that `_breadth_first` may write behind the last one.
+_SPARE = 3
 
-def minimum_spanning_trees(
-    left: Uint8, right: Uint8
-) -> tuple[Int32, Int32, Uint8]:
-    """Minimum spanning trees of two guides, uint8 (H, W) or (H, W, C), each in breadth-first order.
 
-    Returns, each (2, N) with N = H * W:
+@dataclasses.dataclass(frozen=True, slots=True)
+class SpanningTrees:
+    """Minimum spanning trees of two guides, each in breadth-first order, and the scratch to build them.
+
+    Each (2, N) with N = H * W:
     pixel: int32, flat pixel index (y * width + x) of node k; node 0 is the root, pixel 0.
     parent: int32, node index of node k's parent, < k and non-decreasing; parent[0] = 0.
     weight: uint8, weight of the edge to the parent, grey levels; weight[0] = 0.
     Among edges of equal weight the first, row by row, is taken first.
     """
-    height, width = left.shape[:2]
-    planes = np.stack([np.moveaxis(guide.reshape(height, width, -1), 2, 0) for guide in (left, right)])
-    pixel, parent = np.empty((2, 2, height * width), np.int32)
-    weight = np.empty((2, height * width), np.uint8)
-    _spanning_trees(planes, pixel, parent, weight)
-    return pixel, parent, weight
+
+    pixel: Int32
+    parent: Int32
+    weight: Uint8
+    _room: Int32
+    _edges: Int32
+    _links: Uint8
+    _weights: Uint8
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...]) -> SpanningTrees:
+        """Room for the trees of guides of `shape`, (H, W) or (H, W, C)."""
+        height, width = shape[:2]
+        nodes = height * width
+        room = np.zeros((2, 3, nodes + _SPARE), np.int32)
+        return cls(room[:, 0, :nodes], room[:, 1, :nodes], np.zeros((2, nodes), np.uint8), room,
+                   np.zeros((2, 2 * nodes), np.int32), np.zeros((2, 2, nodes + _SPARE), np.uint8),
+                   np.zeros((2, 2, height, width), np.uint8))
+
+    def build(self, left: Uint8, right: Uint8) -> None:
+        """From two guides, uint8 (H, W) or (H, W, C)."""
+        planes = np.stack([np.moveaxis(guide.reshape(*guide.shape[:2], -1), 2, 0) for guide in (left, right)])
+        _spanning_trees(planes, self._room, self.weight, self._edges, self._links, self._weights)
 
 
 @numba.njit(cache=True)
@@ -54,8 +75,11 @@ def _edge_weights(planes: Uint8, across: Uint8, down: Uint8) -> None:
 
 
 @numba.njit(cache=True)
-def _sorted_edges(across: Uint8, down: Uint8) -> Int32:
-    """Edges by weight, ties in row order (counting sort); an edge is 2 * pixel, + 1 when it goes down."""
+def _sort_edges(across: Uint8, down: Uint8, edges: Int32) -> int:
+    """Edges by weight, ties in row order (counting sort); an edge is 2 * pixel, + 1 when it goes down.
+
+    Returns their number.
+    """
     height, width = across.shape
     start = np.zeros(257, np.int32)
     for y in range(height):
@@ -66,7 +90,7 @@ def _sorted_edges(across: Uint8, down: Uint8) -> Int32:
                 start[np.int32(down[y, x]) + 1] += 1
     for level in range(256):
         start[level + 1] += start[level]
-    edges = np.empty(start[256], np.int32)
+    count = start[256]
     for y in range(height):
         for x in range(width):
             pixel = y * width + x
@@ -78,7 +102,7 @@ def _sorted_edges(across: Uint8, down: Uint8) -> Int32:
                 w = np.int32(down[y, x])
                 edges[start[w]] = 2 * pixel + 1
                 start[w] += 1
-    return edges
+    return int(count)
 
 
 @numba.njit(cache=True, inline='always')
@@ -90,11 +114,12 @@ def _root(above: Int32, node: np.int32) -> np.int32:
 
 
 @numba.njit(cache=True)
-def _tree_links(edges: Int32, n: int, width: int) -> Uint8:
+def _link_tree(edges: Int32, width: int, above: Int32, links: Uint8) -> None:
     """Kruskal: for each pixel the directions (RIGHT | LEFT | DOWN | UP) in which the tree goes on."""
-    above = np.arange(n).astype(np.int32)
-    links = np.zeros(n, np.uint8)
-    missing = n - 1
+    links[:] = 0
+    for pixel in range(above.size):
+        above[pixel] = pixel
+    missing = above.size - 1
     for edge in edges:
         a = edge >> 1
         b = a + width if edge & 1 else a + 1
@@ -110,45 +135,55 @@ def _tree_links(edges: Int32, n: int, width: int) -> Uint8:
             missing -= 1
             if missing == 0:
                 break
-    return links
 
 
 @numba.njit(cache=True)
-def _breadth_first(links: Uint8, across: Uint8, down: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
-    width = across.shape[1]
-    pixel[0] = parent[0] = weight[0] = 0
-    end = 1
+def _breadth_first(links: Uint8, width: int, pixel: Int32, parent: Int32, back: Uint8) -> None:
+    """Number the nodes from pixel 0 on; back[k]: the direction from node k to its parent, 0 for the root.
+
+    Every direction is written and only the real ones counted, as branches here cannot be foreseen: pixel, parent
+    and back need room for 3 nodes more.
+    """
+    pixel[0] = parent[0] = back[0] = 0
+    end = np.int64(1)
     for node in range(links.size):
         p = pixel[node]
-        link = links[p]
-        if link & RIGHT:
-            pixel[end], parent[end], weight[end] = p + 1, node, across[p // width, p % width]
-            links[p + 1] ^= LEFT
-            end += 1
-        if link & LEFT:
-            pixel[end], parent[end], weight[end] = p - 1, node, across[(p - 1) // width, (p - 1) % width]
-            links[p - 1] ^= RIGHT
-            end += 1
-        if link & DOWN:
-            pixel[end], parent[end], weight[end] = p + width, node, down[p // width, p % width]
-            links[p + width] ^= UP
-            end += 1
-        if link & UP:
-            pixel[end], parent[end], weight[end] = p - width, node, down[p // width - 1, p % width]
-            links[p - width] ^= DOWN
-            end += 1
+        onwards = np.int64(links[p]) & ~np.int64(back[node])
+        pixel[end], parent[end], back[end] = p + 1, node, LEFT
+        end += onwards & 1
+        pixel[end], parent[end], back[end] = p - 1, node, RIGHT
+        end += onwards >> 1 & 1
+        pixel[end], parent[end], back[end] = p + width, node, UP
+        end += onwards >> 2 & 1
+        pixel[end], parent[end], back[end] = p - width, node, DOWN
+        end += onwards >> 3 & 1
+
+
+@numba.njit(cache=True)
+def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, weight: Uint8) -> None:
+    """weight[k] from the weights of all edges, uint8 (2 * N): across, then down."""
+    edge = np.zeros(16, np.int64)  # by direction, from the pixel
+    edge[RIGHT], edge[LEFT], edge[DOWN], edge[UP] = 0, -1, weight.size, weight.size - width
+    weight[0] = 0
+    for k in range(1, weight.size):
+        weight[k] = weights[pixel[k] + edge[back[k]]]
 
 
 @numba.njit(cache=True, parallel=True)
-def _spanning_trees(planes: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
+def _spanning_trees(
+    planes: Uint8, room: Int32, weight: Uint8, edges: Int32, links: Uint8, weights: Uint8
+) -> None:
     for view in numba.prange(planes.shape[0]):
-        _spanning_tree(planes[view], pixel[view], parent[view], weight[view])
+        _spanning_tree(planes[view], room[view], weight[view], edges[view], links[view], weights[view])
 
 
 @numba.njit(cache=True)
-def _spanning_tree(planes: Uint8, pixel: Int32, parent: Int32, weight: Uint8) -> None:
-    _, height, width = planes.shape
-    across, down = np.empty((height, width), np.uint8), np.empty((height, width), np.uint8)
+def _spanning_tree(planes: Uint8, room: Int32, weight: Uint8, edges: Int32, links: Uint8, weights: Uint8) -> None:
+    """room: pixel, parent and the union-find of Kruskal; links: links and the directions back to the parent."""
+    nodes, width = weight.size, planes.shape[2]
+    across, down = weights[0], weights[1]
     _edge_weights(planes, across, down)
-    links = _tree_links(_sorted_edges(across, down), height * width, width)
-    _breadth_first(links, across, down, pixel, parent, weight)
+    count = _sort_edges(across, down, edges)
+    _link_tree(edges[:count], width, room[2, :nodes], links[0, :nodes])
+    _breadth_first(links[0, :nodes], width, room[0], room[1], links[1])
+    _weights_to_parents(room[0], links[1], weights.reshape(-1), width, weight)

@@ -25,11 +25,25 @@ def gradient(grey, kind):
     return result
 
 
-def matching_cost(left, right, gradient_left, gradient_right, parameters):
-    """Eqs 1-8 as a volume (H, W, D)."""
+def census(grey):
+    """uint64 (H, W): 62 bits, in reading order of a 9x7 window, 1 where the neighbour is darker; borders replicated."""
+    height, width = grey.shape
+    result = np.empty(grey.shape, np.uint64)
+    for y, x in np.ndindex(*grey.shape):
+        bits = 0
+        for i, j in itertools.product(range(-3, 4), range(-4, 5)):
+            if (i, j) != (0, 0):
+                neighbour = grey[min(max(y + i, 0), height - 1), min(max(x + j, 0), width - 1)]
+                bits = 2 * bits + int(neighbour < grey[y, x])
+        result[y, x] = bits
+    return result
+
+
+def matching_cost(left, right, gradient_left, gradient_right, census_left, census_right, parameters):
+    """Eqs 1-8, and the share of census bits that differ, as a volume (H, W, D)."""
     a, b = channels(left), channels(right)
     height, width = left.shape[:2]
-    largest = parameters.tau_ad + parameters.alpha * parameters.tau_gm
+    largest = parameters.tau_ad + parameters.alpha * parameters.tau_gm + parameters.census_weight
     cost = np.full((height, width, parameters.num_disparities), largest)
     for y, x, j in np.ndindex(*cost.shape):
         partner = x - parameters.min_disparity - j
@@ -37,6 +51,8 @@ def matching_cost(left, right, gradient_left, gradient_right, parameters):
             ad = np.abs(a[y, x] - b[y, partner]).mean()
             gm = abs(gradient_left[y, x] - gradient_right[y, partner])
             cost[y, x, j] = min(ad, parameters.tau_ad) + parameters.alpha * min(gm, parameters.tau_gm)
+            differing = bin(int(census_left[y, x]) ^ int(census_right[y, partner])).count('1')
+            cost[y, x, j] += parameters.census_weight * differing / 62
     return cost
 
 

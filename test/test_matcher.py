@@ -13,7 +13,7 @@ from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
 from svdm_core import MatcherParameters, StereoMatcher, load_preset
-from svdm_core.spanning_forest import minimum_spanning_trees
+from svdm_core.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
 
@@ -33,6 +33,7 @@ def assert_same(result, other):
 @pytest.mark.parametrize('min_disparity', [0, 2])
 @pytest.mark.parametrize('changes', [
     {}, {'gradient': 'magnitude', 'd_y': 60}, {'sigma_tree': 0.5, 'tau_ad': 0.2, 'tau_gm': 0.1},
+    {'census_weight': 0.3},
 ])
 def test_all_stages_together_are_those_of_the_oracles(depth, min_disparity, changes):
     shape = (9, 14) if depth == 1 else (9, 14, 3)
@@ -55,8 +56,11 @@ def aggregated_cost(left, right, parameters):
     grey = [image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in grey]
     # the kernel mirrors the right view's pair; a signed gradient then changes its sign on both sides alike
     slopes = [oracles.gradient(image, parameters.gradient) for image in grey]
-    cost = oracles.matching_cost(left, right, *slopes, parameters).reshape(-1, parameters.num_disparities)
-    pixel, parent, weight = (part[0] for part in minimum_spanning_trees(guide, guide))
+    bits = [oracles.census(image) for image in grey]
+    cost = oracles.matching_cost(left, right, *slopes, *bits, parameters).reshape(-1, parameters.num_disparities)
+    trees = SpanningTrees.empty(guide.shape)
+    trees.build(guide, guide)
+    pixel, parent, weight = trees.pixel[0], trees.parent[0], trees.weight[0]
     total = np.empty_like(cost)
     total[pixel] = oracles.support(parent, weight, parameters.sigma_tree, parameters.d_y) @ cost[pixel]
     return total.reshape(*left.shape[:2], -1)

@@ -5,7 +5,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import noise
 
-from svdm_core.spanning_forest import minimum_spanning_trees
+from svdm_core.spanning_forest import SpanningTrees
+
+
+def minimum_spanning_trees(left, right):
+    trees = SpanningTrees.empty(left.shape)
+    trees.build(right, left)  # another pair first: nothing of it may be left
+    trees.build(left, right)
+    return trees.pixel, trees.parent, trees.weight
 
 
 def check_tree(guide, pixel, parent, weight):
