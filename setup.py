@@ -28,7 +28,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'disparity_node = svdm_ros.disparity_node:main',
+            'disparity_node = svdm_ros.__main__:main',
             'svdm = svdm_core.cli:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],

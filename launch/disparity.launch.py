@@ -14,16 +14,15 @@ def disparity_node(context: LaunchContext) -> list[Node]:
     def value(name: str) -> str:
         return LaunchConfiguration(name).perform(context)
 
-    overrides = {'use_sim_time': value('use_sim_time').lower() == 'true'}
-    if value('approximate_sync_tolerance'):
-        overrides['approximate_sync_tolerance'] = float(value('approximate_sync_tolerance'))
+    readings = {'use_sim_time': lambda text: text.lower() == 'true', 'approximate_sync_tolerance': float}
+    overrides = {name: read(value(name)) for name, read in readings.items() if value(name)}
     return [Node(
         package='svdm_ros',
         executable='disparity_node',
         name='disparity_node',
         namespace=value('namespace'),
         output='screen',
-        parameters=[value('params_file'), overrides],
+        parameters=[value('params_file'), *([overrides] if overrides else [])],
         remappings=[
             (f'{side}/{topic}', f'{value(f"{side}_namespace")}/{topic}')
             for side in ('left', 'right') for topic in CAMERA_TOPICS
@@ -40,7 +39,7 @@ def generate_launch_description() -> LaunchDescription:
         'right_namespace': ('right', 'where image_rect and camera_info of the right camera are'),
         'params_file': (PathJoinSubstitution([config, 'default.yaml']), 'ROS parameter file, e.g. one of the presets'),
         'approximate_sync_tolerance': ('', 'largest stamp difference of a pair in s; empty: as params_file has it'),
-        'use_sim_time': ('false', 'true: take the time from /clock'),
+        'use_sim_time': ('', 'true: take the time from /clock; empty: as params_file has it'),
     }
     profile = EnvironmentVariable(PROFILES_FILE, default_value=PathJoinSubstitution([config, 'fastdds.xml']))
     return LaunchDescription([

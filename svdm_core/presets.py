@@ -9,17 +9,21 @@ import yaml
 from .parameters import MatcherParameters
 
 
+class PresetNotFoundError(FileNotFoundError, ValueError):
+    """There is no such preset. A wrong value, and a missing file: to be caught as either."""
+
+
 def preset_folder() -> Path:
     """The folder of the presets that come with the package: of the checkout, else of the installation prefix.
 
-    Raises FileNotFoundError naming the places where there is none.
+    Raises PresetNotFoundError naming the places where there is none.
     """
     package = Path(__file__).resolve().parent
     places = [package.parent / 'config', *(up / 'share' / 'svdm_ros' / 'config' for up in package.parents)]
     for place in places:
         if (place / 'default.yaml').is_file():
             return place
-    raise FileNotFoundError(f'no presets installed: no default.yaml in {places[0]} nor in share/svdm_ros/config')
+    raise PresetNotFoundError(f'no presets installed: no default.yaml in {places[0]} nor in share/svdm_ros/config')
 
 
 def preset_names() -> list[str]:
@@ -30,17 +34,14 @@ def preset_names() -> list[str]:
 def load_preset(name_or_path: str | Path) -> MatcherParameters:
     """Read a preset by name ('paper') or by file ('my.yaml').
 
-    Raises FileNotFoundError for an unknown name or a missing file, and ValueError naming file and reason
-    for anything in it that is not a set of matcher parameters.
+    Raises ValueError: naming the presets there are for an unknown name or a missing file (PresetNotFoundError),
+    and naming file and reason for anything in it that is not a set of matcher parameters.
     """
     path = Path(name_or_path)
     if path.suffix not in ('.yaml', '.yml'):
         path = preset_folder() / f'{name_or_path}.yaml'
-        if not path.is_file():
-            known = ', '.join(preset_names())
-            raise FileNotFoundError(f'no preset {str(name_or_path)!r}: there are {known}, or give a .yaml file')
     if not path.is_file():
-        raise FileNotFoundError(f'no preset file {path}')
+        raise PresetNotFoundError(f'no preset {str(name_or_path)!r}: {_there_are()}, or give a .yaml file')
     try:
         return MatcherParameters.from_mapping(_ros_parameters(yaml.safe_load(path.read_text())))
     except yaml.YAMLError as error:
@@ -49,10 +50,24 @@ def load_preset(name_or_path: str | Path) -> MatcherParameters:
         raise ValueError(f'{path}: {error}') from None
 
 
+def _there_are() -> str:
+    try:
+        return f'there are {", ".join(preset_names())}'
+    except PresetNotFoundError:  # a file was asked for where none is installed
+        return 'none is installed'
+
+
 def _ros_parameters(document: Any) -> dict[str, Any]:
     """The mapping under `<node name>: ros__parameters:`; there must be exactly one node."""
     if isinstance(document, dict) and len(document) == 1:
         node = next(iter(document.values()))
         if isinstance(node, dict) and set(node) == {'ros__parameters'} and isinstance(node['ros__parameters'], dict):
-            return node['ros__parameters']
+            return _named(node['ros__parameters'])
     raise ValueError("not a ROS parameter file: expected '/**:', below it 'ros__parameters:', below it name: value")
+
+
+def _named(values: dict[Any, Any]) -> dict[str, Any]:
+    for name in values:
+        if not isinstance(name, str):  # YAML reads 1, yes and 2024-01-01 as something else
+            raise ValueError(f'the parameter name {name!r} is not allowed: it must be a string')
+    return values

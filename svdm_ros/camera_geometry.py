@@ -9,6 +9,12 @@ if TYPE_CHECKING:
 
 _LARGEST = 1e12
 _SMALLEST_FOCAL_LENGTH = 1e-6
+_LARGEST_OFFSET = 10
+"""Most that the principal points may be apart, in image widths. Far beyond, float32 no longer tells px from px."""
+_FOCAL_LENGTHS_DIFFER = 0.01
+"""Largest relative difference of the focal lengths of a rectified pair."""
+_NO_SHIFT = 1e-6
+"""P[3] over P[0], in the unit of the baseline, up to which the left camera is the origin."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -18,7 +24,7 @@ class StereoGeometry:
     focal_length: px of the image matched; 0 where unknown.
     baseline: in the unit of the P matrix, m as a rule; 0 where unknown.
     principal_offset: cx_left - cx_right, px of the image matched.
-    problem: what is missing and what to do about it; empty where all is known.
+    problem: what is missing or contradictory, and what to do about it; empty where all is well.
     """
 
     focal_length: float = 0.0
@@ -51,19 +57,50 @@ def stereo_geometry(
     try:
         left_projection = _projection(left, 'left', width, height)
         right_projection = _projection(right, 'right', width, height)
+        offset = _principal_offset(left_projection, right_projection, width)
     except ValueError as error:
         return StereoGeometry(problem=str(error))
     from_info = -right_projection.tx / right_projection.focal_length
     used = baseline if baseline > 0 else from_info
+    problems = (
+        '' if baseline > 0 else _baseline_problem(left, right, used),
+        _focal_length_problem(left_projection, right_projection),
+    )
     return StereoGeometry(
         focal_length=right_projection.focal_length,
         baseline=used if used > 0 else 0.0,
-        principal_offset=left_projection.cx - right_projection.cx,
-        problem='' if used > 0 else _baseline_problem(left, right),
+        principal_offset=offset,
+        problem='; '.join(filter(None, problems)),
     )
 
 
-def _baseline_problem(left: CameraInfo, right: CameraInfo) -> str:
+def _principal_offset(left: _Projection, right: _Projection, width: int) -> float:
+    offset = left.cx - right.cx
+    if abs(offset) > _LARGEST_OFFSET * width:
+        raise ValueError(
+            f'left/camera_info and right/camera_info have principal points {offset:g} px apart in images {width} px '
+            f'wide, at most {_LARGEST_OFFSET} image widths are possible: calibrate anew'
+        )
+    return offset
+
+
+def _focal_length_problem(left: _Projection, right: _Projection) -> str:
+    if abs(left.focal_length - right.focal_length) <= _FOCAL_LENGTHS_DIFFER * right.focal_length:
+        return ''
+    return (
+        f'left/camera_info and right/camera_info have focal lengths of {left.focal_length:g} and '
+        f'{right.focal_length:g} px: rectify both images to the same one'
+    )
+
+
+def _baseline_problem(left: CameraInfo, right: CameraInfo, baseline: float) -> str:
+    if baseline > 0:
+        if abs(left.p[3]) <= _NO_SHIFT * left.p[0]:
+            return ''
+        return (
+            f'left/camera_info has P[3] = {left.p[3]:g}, it must be 0, as the baseline is taken from '
+            'right/camera_info alone: calibrate the two cameras as a stereo pair, or set the parameter baseline (m)'
+        )
     found = f'right/camera_info has no baseline: P[3] is {right.p[3]:g}, it must be negative'
     if right.p[3] > 0 or left.p[3] != 0:
         return f'{found}; left and right look swapped: swap the topics, or set the parameter baseline (m)'

@@ -23,6 +23,7 @@ def diagnostic_array(
         'right images': str(counts.received['right']),
         'pairs': str(counts.pairs),
         'published': str(counts.published),
+        'defects': str(counts.defects),
         'rate (Hz)': f'{rate:.2f}',
         **_latencies(counts.latencies),
         **{f'{stage} (ms)': f'{milliseconds:.1f}' for stage, milliseconds in counts.timings.items()},

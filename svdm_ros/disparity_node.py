@@ -1,18 +1,13 @@
 """The disparity node: left and right image_rect and camera_info in, stereo_msgs/DisparityImage out."""
 from __future__ import annotations
 
-import os
-import sys
 import time
 import traceback
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
 from sensor_msgs.msg import CameraInfo, Image
@@ -20,9 +15,17 @@ from stereo_msgs.msg import DisparityImage
 
 from .diagnostics import diagnostic_array
 from .frame_processing import FrameError, FrameProcessor, StereoFrame
-from .frame_statistics import FrameStatistics
+from .frame_statistics import FrameStatistics, Rate
 from .node_parameters import DeclaredParameters, NodeParameters, unknown_parameter_line
-from .quality_of_service import OVERRIDABLE, incompatible_line, naming_overrides, output_qos, sensor_qos
+from .quality_of_service import (
+    OVERRIDABLE,
+    Entity,
+    incompatible_line,
+    naming_overrides,
+    output_qos,
+    override_names,
+    sensor_qos,
+)
 from .stereo_pairing import SideName, StereoPairer
 from .watchdog import Line, Throttle, Traffic, Watchdog
 from .worker import Worker
@@ -32,9 +35,6 @@ _STATUS_PERIOD = 1.0
 """Seconds between two diagnostics, and between two looks of the watchdog."""
 _TROUBLE_LASTS = 3.0
 """Seconds for which diagnostics tell of a trouble after it was last met."""
-
-_WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
-"""What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
 
 
 class DisparityNode(Node):
@@ -48,14 +48,16 @@ class DisparityNode(Node):
         self._statistics = FrameStatistics()
         self._throttle = Throttle()
         self._trouble: tuple[float, str] = (-_TROUBLE_LASTS, '')
-        self._published_before = 0
         self._dropped_before = 0
         self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(_SIDES)
         self._pairer: StereoPairer[Image] = StereoPairer()
-        self._settings = DeclaredParameters(self, self._use_parameters)
+        overrides = self._override_names()
+        self._settings = DeclaredParameters(self, self._use_parameters, overrides)
         self._use_parameters(self._settings.current)
         for name in self._settings.unknown:
-            self.get_logger().warning(unknown_parameter_line(name))
+            self.get_logger().warning(unknown_parameter_line(name, overrides))
+        # Noted before rclpy declares the rest of them, with each topic.
+        self._overrides_given = [name for name in overrides if self.has_parameter(name)]
 
         self._publisher = self._create_output()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
@@ -68,6 +70,7 @@ class DisparityNode(Node):
             self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
         self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
         self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
+        self._rate = Rate(time.monotonic())
         # Not the node's clock: with use_sim_time and no /clock it stands still, and silence is what is to be told.
         self.create_timer(_STATUS_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._worker.start()
@@ -76,11 +79,24 @@ class DisparityNode(Node):
         """Stop the worker; False if it is still busy (compiling, or with a large image)."""
         return self._worker.stop(timeout=0.3)
 
+    def report_defect(self, what: str, error: Exception) -> None:
+        """Count and log an exception that nothing accounts for, with its traceback. From any thread."""
+        self._statistics.count_defect()
+        details = ''.join(traceback.format_exception(error))
+        self._complain(Line(what, f'{what} by a defect of this node, please report it: {details}'))
+
     # Set-up
+
+    def _override_names(self) -> list[str]:
+        """The names of all parameters that override the QoS of a topic."""
+        names = [*override_names(self.resolve_topic_name('disparity'), 'publisher')]
+        for topic in (f'{side}/{name}' for side in _SIDES for name in ('image_rect', 'camera_info')):
+            names += override_names(self.resolve_topic_name(topic), 'subscription')
+        return names
 
     def _create_output(self) -> Any:
         topic = self.resolve_topic_name('disparity')
-        with naming_overrides(topic):
+        with naming_overrides(topic, self._overrides_given):
             return self.create_publisher(
                 DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=PublisherEventCallbacks(
@@ -89,7 +105,7 @@ class DisparityNode(Node):
 
     def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
         topic = self.resolve_topic_name(name)
-        with naming_overrides(topic):
+        with naming_overrides(topic, self._overrides_given):
             self.create_subscription(
                 message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
@@ -136,8 +152,8 @@ class DisparityNode(Node):
         if counts.total_dropped > self._dropped_before:
             text = f'{counts.pairs} pairs, {counts.published} published; images and pairs: {counts.dropped_text()}'
             self._say(Line('counts', text))
-        rate = (counts.published - self._published_before) / _STATUS_PERIOD
-        self._published_before, self._dropped_before = counts.published, counts.total_dropped
+        self._dropped_before = counts.total_dropped
+        rate = self._rate.update(counts.published, time.monotonic())
         since, trouble = self._trouble
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
@@ -150,7 +166,8 @@ class DisparityNode(Node):
         self.get_logger().info('compiling the kernels, up to a minute the first time')
         start = time.monotonic()
         self._processor.warm_up(self._settings.current)
-        self.get_logger().info(f'ready: kernels compiled or loaded in {time.monotonic() - start:.1f} s')
+        if self.context.ok():  # else the process is ending, and a line could not be published
+            self.get_logger().info(f'ready: kernels compiled or loaded in {time.monotonic() - start:.1f} s')
 
     def _process(self, frame: StereoFrame) -> None:
         try:
@@ -168,9 +185,11 @@ class DisparityNode(Node):
     def _report_failure(self, error: Exception) -> None:
         if not self.context.ok():
             return  # the end of the process, seen from the worker
-        self._statistics.count_drop('failed')
-        details = ''.join(traceback.format_exception(error))
-        self._complain(Line('failed', f'frame dropped by a defect of this node, please report it: {details}'))
+        if self._worker.ready:
+            self._statistics.count_drop('failed')
+            self.report_defect('frame dropped', error)
+        else:
+            self.report_defect('warm-up cut short, the first pairs take longer', error)
 
     # Log lines, from any thread
 
@@ -185,61 +204,9 @@ class DisparityNode(Node):
         if text is not None:
             self.get_logger().info(text)
 
-    def _report_incompatible(self, topic: str, entity: str, event: Any) -> None:
-        self.get_logger().error(incompatible_line(topic, entity, qos_policy_name_from_kind(event.last_policy_kind)))
-
-
-def _spin(node: Node) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while executor.context.ok():
-        try:
-            executor.spin_once()
-        except (ValueError, TypeError, AssertionError) as error:
-            # rclpy's own parameter services raise on a malformed request; that must not end the node.
-            node.get_logger().error(f'a request was dropped: {error}')
-
-
-def _run() -> int:
-    code, node, idle = 0, None, True
-    try:
-        node = DisparityNode()
-        _spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except _WRONG_SETTINGS as error:
-        # SIGTERM shuts the context down under whatever runs, which then raises; that is no error.
-        if rclpy.ok():
-            if node is not None:
-                raise
-            code = _refuse_to_start(error)
-    finally:
-        if node is not None:
-            idle = node.close()
-        rclpy.try_shutdown()
-    if not idle:
-        # A thread inside a kernel or the compiler crashes when the interpreter is taken down under it.
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(code)
-    return code
-
-
-def _refuse_to_start(error: Exception) -> int:
-    rclpy.logging.get_logger('disparity_node').fatal(f'not started: {error}')
-    return 2
-
-
-def main(args: list[str] | None = None) -> int:
-    """Run the node; returns the exit code: 0 after SIGINT or SIGTERM, 2 for a start-up setting that is wrong."""
-    try:
-        rclpy.init(args=args)
-    except KeyboardInterrupt:
-        return 0
-    except RuntimeError as error:
-        return _refuse_to_start(error)
-    return _run()
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    def _report_incompatible(self, topic: str, entity: Entity, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        line = Line(f'qos {topic} {policy}', incompatible_line(topic, entity, policy))
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().error(text)

@@ -11,12 +11,16 @@ _LATENCIES_KEPT = 100
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FrameCounts:
-    """A snapshot: totals since the start; `latencies` (s, arrival to publication) and `timings` (ms) of late."""
+    """A snapshot: totals since the start; `latencies` (s, arrival to publication) and `timings` (ms) of late.
+
+    `defects` counts exceptions that nothing accounts for, whether they cost a frame or not.
+    """
 
     received: Mapping[str, int]
     pairs: int
     published: int
     dropped: Mapping[str, int]
+    defects: int
     latencies: tuple[float, ...]
     timings: Mapping[str, float]
 
@@ -39,7 +43,7 @@ class FrameStatistics:
         self._lock = threading.Lock()
         self._received: Counter[str] = Counter(left=0, right=0)
         self._dropped: Counter[str] = Counter()
-        self._pairs = self._published = 0
+        self._pairs = self._published = self._defects = 0
         self._latencies: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._timings: dict[str, float] = {}
 
@@ -61,6 +65,10 @@ class FrameStatistics:
         with self._lock:
             self._dropped[reason] = total
 
+    def count_defect(self) -> None:
+        with self._lock:
+            self._defects += 1
+
     def count_published(self, latency: float, timings: Mapping[str, float]) -> None:
         with self._lock:
             self._published += 1
@@ -74,6 +82,21 @@ class FrameStatistics:
                 pairs=self._pairs,
                 published=self._published,
                 dropped=dict(self._dropped),
+                defects=self._defects,
                 latencies=tuple(self._latencies),
                 timings=dict(self._timings),
             )
+
+
+class Rate:
+    """How fast a total grows between two looks at it. Times in s, of any clock that runs evenly."""
+
+    def __init__(self, now: float) -> None:
+        self._total = 0
+        self._looked = now
+
+    def update(self, total: int, now: float) -> float:
+        """Per second since the last look; 0 where no time has passed."""
+        grown, passed = total - self._total, now - self._looked
+        self._total, self._looked = total, now
+        return grown / passed if passed > 0 else 0.0

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -40,8 +40,8 @@ def node_parameter_table() -> tuple[ParameterInfo, ...]:
 
 _BY_NAME = {info.name: info for info in node_parameter_table()}
 _MATCHER_NAMES = frozenset(info.name for info in parameter_table())
-_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""Start of the names that rclpy declares itself."""
+_ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
+"""Names that rclpy declares itself."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -99,26 +99,36 @@ class DeclaredParameters:
 
     The node must have been made with automatically_declare_parameters_from_overrides: rclpy would refuse 1 for 1.0
     where it declares an override itself, and would not tell of a misspelt name.
-    `on_change` is called with the new set after each change. Raises ValueError for a start-up value out of range.
+    `on_change` is called with the new set after each change; `others` are names that somebody else will declare;
+    `unknown` are those nobody will. Raises ValueError for a start-up value out of range.
     """
 
-    def __init__(self, node: Node, on_change: Callable[[NodeParameters], None]) -> None:
+    def __init__(
+        self, node: Node, on_change: Callable[[NodeParameters], None], others: Collection[str] = ()
+    ) -> None:
         self._node = node
         self._on_change = on_change
         self.current = NodeParameters().replace(_take_overrides(node))
-        self.unknown = tuple(_take_unknown(node))
+        self.unknown = tuple(_take_unknown(node, others))
         for info in node_parameter_table():
             node.declare_parameter(info.name, self.current.value(info.name), descriptor(info), ignore_override=True)
-        node.add_pre_set_parameters_callback(self._in_declared_types)
+        node.add_pre_set_parameters_callback(self._checked)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._apply)
 
-    def _in_declared_types(self, changes: list[Parameter]) -> list[Parameter]:
-        """1 for 1.0, as everybody types it: rclpy would take it for a wrong type."""
-        for change in changes:
-            if not self._node.has_parameter(change.name):  # rclpy's own refusal leaves the name out
-                raise ParameterNotDeclaredException(f'{change.name}: {_hint(change.name)}')
-        return [_in_declared_type(change) for change in changes]
+    def _checked(self, changes: list[Parameter]) -> list[Parameter]:
+        """Each value in its parameter's type, 1 for 1.0 as everybody types it; rclpy's own refusals tell too little."""
+        return [self._checked_one(change) for change in changes]
+
+    def _checked_one(self, change: Parameter) -> Parameter:
+        if change.name in _BY_NAME:
+            try:
+                return Parameter(change.name, value=_BY_NAME[change.name].check(change.value))
+            except ValueError as error:
+                raise _RefusedError(str(error)) from None
+        if not self._node.has_parameter(change.name):
+            raise _RefusedError(f'unknown parameter {change.name}: {_hint(change.name)}')
+        return change
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         try:
@@ -134,28 +144,26 @@ class DeclaredParameters:
             self._on_change(changed)
 
 
-def unknown_parameter_line(name: str) -> str:
-    """What to say of a start-up parameter that nobody declares."""
-    return f'unknown parameter {name!r} is ignored: {_hint(name)}'
+class _RefusedError(ParameterNotDeclaredException):
+    """The one exception whose text rclpy's parameter services answer with; any other gives no answer at all."""
+
+    def __init__(self, reason: str) -> None:
+        Exception.__init__(self, reason)
 
 
-def _hint(name: str) -> str:
-    near = difflib.get_close_matches(name, _BY_NAME, n=1)
+def unknown_parameter_line(name: str, others: Collection[str] = ()) -> str:
+    """What to say of a start-up parameter that nobody declares; `others` are names it may be meant for."""
+    return f'unknown parameter {name!r} is ignored: {_hint(name, others)}'
+
+
+def _hint(name: str, others: Collection[str] = ()) -> str:
+    near = difflib.get_close_matches(name, [*_BY_NAME, *_ROS_PARAMETERS, *others], n=1)
     return f'did you mean {near[0]}?' if near else 'ros2 param list tells the names'
 
 
 def _known(changes: Iterable[Parameter]) -> dict[str, Value]:
     """The table's part of a change; use_sim_time and the like are not ours to judge."""
     return {change.name: change.value for change in changes if change.name in _BY_NAME}
-
-
-def _in_declared_type(change: Parameter) -> Parameter:
-    if change.name not in _BY_NAME:
-        return change
-    try:
-        return Parameter(change.name, value=_BY_NAME[change.name].check(change.value))
-    except ValueError:
-        return change  # to be refused with the reason
 
 
 def _take_overrides(node: Node) -> dict[str, Value]:
@@ -166,9 +174,9 @@ def _take_overrides(node: Node) -> dict[str, Value]:
     return given
 
 
-def _take_unknown(node: Node) -> Iterator[str]:
+def _take_unknown(node: Node, others: Collection[str]) -> Iterator[str]:
     """The start-up parameters that belong to nobody, undeclared; to be called after `_take_overrides`."""
     for name in list(node.get_parameters_by_prefix('')):
-        if not name.startswith(_ROS_PARAMETERS):
+        if name not in _ROS_PARAMETERS and name not in others:
             node.undeclare_parameter(name)
             yield name

@@ -2,10 +2,13 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from typing import Literal
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+
+Entity = Literal['publisher', 'subscription']
 
 OVERRIDABLE = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
@@ -28,17 +31,28 @@ def _profile(depth: int, reliability: ReliabilityPolicy) -> QoSProfile:
     )
 
 
+def override_names(topic: str, entity: Entity) -> Iterator[str]:
+    """The parameters that override the QoS of the node's own end of a topic, given by its full name."""
+    for policy in OVERRIDABLE.policy_kinds:
+        yield f'qos_overrides.{topic}.{entity}.{policy.name.lower()}'
+
+
 @contextlib.contextmanager
-def naming_overrides(topic: str) -> Iterator[None]:
-    """Around the making of a publisher or subscription: whatever a bad override raises becomes a ValueError."""
+def naming_overrides(topic: str, given: Collection[str]) -> Iterator[None]:
+    """Around the making of a publisher or subscription: what a bad override raises, or the topic, becomes a ValueError.
+
+    `given` are the names of the overrides set, of any topic.
+    """
     try:
         yield
     except (AssertionError, TypeError, RuntimeError) as error:
-        detail = str(error) or 'a value has the wrong type'
-        raise ValueError(f'the parameters qos_overrides.{topic}.* make no QoS: {detail}') from error
+        if any(name.startswith(f'qos_overrides.{topic}.') for name in given):
+            detail = str(error) or 'a value has the wrong type'
+            raise ValueError(f'the parameters qos_overrides.{topic}.* make no QoS: {detail}') from error
+        raise ValueError(f'{topic} cannot be opened, is another topic remapped to it? {error}') from error
 
 
-def incompatible_line(topic: str, entity: str, policy: str) -> str:
+def incompatible_line(topic: str, entity: Entity, policy: str) -> str:
     """What to log of an incompatible-QoS event; `entity` is the node's own end, 'subscription' or 'publisher'."""
     other, loss = (
         ('publisher', 'nothing is received from it')

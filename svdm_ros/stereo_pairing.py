@@ -10,7 +10,9 @@ from typing import Literal
 SideName = Literal['left', 'right']
 
 JUMP_BACK_NS = 100_000_000
-"""A stamp this much older than the newest of its side means that time went back (a looping bag); less is reordering."""
+"""A stamp this much older than the newest of its side means that time went back (a looping bag); less is reordering,
+unless the stamp was there before: a bag shorter than this repeats its stamps, and no image comes late twice."""
+_STAMPS_KEPT = 256
 _GAPS_KEPT = 8
 
 
@@ -33,6 +35,7 @@ class _Side[Image]:
         self.paired_up_to: int | None = None
         self.unpaired = 0
         self._gaps: deque[int] = deque(maxlen=_GAPS_KEPT)
+        self._seen: deque[int] = deque(maxlen=_STAMPS_KEPT)
 
     @property
     def period(self) -> int | None:
@@ -40,15 +43,19 @@ class _Side[Image]:
         return min(self._gaps, default=None)
 
     def goes_back(self, stamp: int) -> bool:
-        return self.newest is not None and self.newest - stamp > JUMP_BACK_NS
+        if self.newest is None or stamp >= self.newest:
+            return False
+        return self.newest - stamp > JUMP_BACK_NS or stamp in self._seen
 
     def restart(self) -> None:
         """Forget the time before a jump, and the images with it."""
         self.drop(len(self.stamps))
         self._gaps.clear()
+        self._seen.clear()
         self.newest = self.paired_up_to = None
 
     def insert(self, stamp: int, image: Image, size: int) -> None:
+        self._seen.append(stamp)
         if self.newest is None or stamp > self.newest:
             if self.newest is not None:
                 self._gaps.append(stamp - self.newest)

@@ -67,11 +67,12 @@ def disparities(message):
 
 
 class NodeProcess:
-    """`python -m svdm_ros.disparity_node` with its log in a file."""
+    """`python -m svdm_ros`, or another `program` of the interpreter's arguments, with its log in a file."""
 
-    def __init__(self, domain, log, *ros_arguments, **environment):
+    def __init__(self, domain, log, *ros_arguments, program=('-m', 'svdm_ros'), **environment):
         self._log = log
-        arguments = [sys.executable, '-m', 'svdm_ros.disparity_node']
+        self.domain = domain
+        arguments = [sys.executable, *program]
         if ros_arguments:
             arguments += ['--ros-args', *ros_arguments]
         with log.open('w') as output:
@@ -99,12 +100,22 @@ class NodeProcess:
     def wait_until_ready(self):
         self.wait_for_log('ready:', limit=100.0)
 
+    def wait_until_it_handles_signals(self, limit=LIMIT):
+        """Wait until SIGTERM no longer ends it on the spot, as at the start of every process."""
+        end = time.monotonic() + limit
+        while not _caught_signals(self._process.pid) >> (signal.SIGTERM - 1) & 1:
+            assert self.running and time.monotonic() < end, self.log
+            time.sleep(0.001)
+
+    def send(self, number):
+        self._process.send_signal(number)
+
     def exit_code(self, limit=LIMIT):
         return self._process.wait(limit)
 
     def end(self, number=signal.SIGTERM, limit=LIMIT):
         """Send a signal; the exit code."""
-        self._process.send_signal(number)
+        self.send(number)
         return self.exit_code(limit)
 
     def kill(self):
@@ -164,9 +175,28 @@ class Client:
         for side in ('left', 'right'):
             self.publish(f'{side}/camera_info', camera_info(side, **fields))
 
+    def publish_image(self, side, message, second):
+        """Stamp and publish one image message."""
+        message.header.stamp.sec, message.header.stamp.nanosec = second, 5000
+        message.header.frame_id = f'{side}_camera'
+        self.publish(f'{side}/image_rect', message)
+
+    def counts(self):
+        """The numbers of the diagnostics to come next."""
+        del self.diagnostics[:]
+        self.spin_until(lambda: self.diagnostics, 'diagnostics')
+        return {name: float(value) for name, value in self.diagnostics[-1].items()}
+
+    def publishers_of(self, topic):
+        return self._node.count_publishers(topic)
+
+    def next_second(self):
+        """A second for a stamp, after all before."""
+        return next(self._seconds)
+
     def publish_pair(self, left, right, second=None, right_delay_ns=0):
         """Stamp and publish two image messages; the second of their stamps, one more than the last by default."""
-        second = next(self._seconds) if second is None else second
+        second = self.next_second() if second is None else second
         for side, message, delay in (('left', left, 0), ('right', right, right_delay_ns)):
             message.header.stamp.sec, message.header.stamp.nanosec = second, 5000 + delay
             message.header.frame_id = f'{side}_camera'
@@ -232,6 +262,12 @@ class Client:
         parameter = ParameterMessage(name='alpha')
         parameter.value.type = 99
         client.call_async(SetParameters.Request(parameters=[parameter]))
+
+
+def _caught_signals(pid):
+    """Bit mask of the signals a process has handlers for."""
+    status = Path(f'/proc/{pid}/status').read_text()
+    return int(next(line for line in status.splitlines() if line.startswith('SigCgt')).split()[1], 16)
 
 
 def _parameters(values):

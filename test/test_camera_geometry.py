@@ -119,6 +119,57 @@ def test_the_baseline_in_the_left_camera_info_points_to_swapped_topics():
     assert 'swapped' in geometry.problem
 
 
+@pytest.mark.parametrize('tx', [-120.0, 45.0])
+def test_a_left_camera_that_is_not_the_origin_is_a_problem_but_keeps_the_rest(tx):
+    """The baseline of two cameras out of more is the difference of both; the message takes that of the right one."""
+    infos = camera_info('left', tx=tx), camera_info('right')
+    geometry = stereo_geometry(*infos, WIDTH, HEIGHT)
+    assert (geometry.focal_length, geometry.baseline) == (FOCAL_LENGTH, pytest.approx(BASELINE))
+    assert geometry.problem.startswith(f'left/camera_info has P[3] = {tx:g}, it must be 0')
+    assert 'set the parameter baseline' in geometry.problem
+    assert stereo_geometry(*infos, WIDTH, HEIGHT, baseline=0.2).problem == ''
+
+
+def test_a_left_camera_that_is_the_origin_but_for_rounding_is_none():
+    assert stereo_geometry(camera_info('left', tx=-1e-7), camera_info('right'), WIDTH, HEIGHT).problem == ''
+
+
+@pytest.mark.parametrize(('factor', 'told'), [(1.005, False), (0.995, False), (1.02, True), (0.98, True)])
+def test_focal_lengths_that_differ_are_a_problem_but_keep_the_rest(factor, told):
+    infos = camera_info('left', f=factor * FOCAL_LENGTH), camera_info('right')
+    geometry = stereo_geometry(*infos, WIDTH, HEIGHT)
+    assert (geometry.focal_length, geometry.baseline) == (FOCAL_LENGTH, pytest.approx(BASELINE))
+    expected = f'have focal lengths of {factor * FOCAL_LENGTH:g} and 1000 px: rectify both'
+    assert (expected in geometry.problem) is told
+    assert bool(geometry.problem) is told
+
+
+def test_focal_lengths_are_compared_in_px_of_the_images_matched():
+    infos = camera_info('left', f=2000.0, width=2 * WIDTH, height=2 * HEIGHT), camera_info('right')
+    assert stereo_geometry(*infos, WIDTH, HEIGHT).problem == ''
+
+
+def test_several_problems_are_all_told():
+    infos = camera_info('left', f=2000.0), camera_info('right', tx=0.0)
+    problem = stereo_geometry(*infos, WIDTH, HEIGHT).problem
+    assert 'has no baseline' in problem
+    assert 'focal lengths of 2000 and 1000 px' in problem
+
+
+@pytest.mark.parametrize('offset', [10 * WIDTH, -10 * WIDTH])
+def test_principal_points_may_be_ten_image_widths_apart(offset):
+    geometry = stereo_geometry(camera_info('left', cx=offset), camera_info('right', cx=0.0), WIDTH, HEIGHT)
+    assert (geometry.principal_offset, geometry.problem) == (offset, '')
+
+
+@pytest.mark.parametrize('offset', [1e7, -12801])
+def test_principal_points_further_apart_are_a_problem(offset):
+    """float32 no longer tells min_disparity from the invalid min_disparity - 1 when both are shifted by 1e8."""
+    geometry = stereo_geometry(camera_info('left', cx=offset), camera_info('right', cx=0.0), WIDTH, HEIGHT)
+    assert (geometry.focal_length, geometry.baseline, geometry.principal_offset) == (0, 0, 0)
+    assert f'principal points {offset:g} px apart in images 1280 px wide' in geometry.problem
+
+
 @pytest.mark.parametrize('tx', [0.0, 120.0, None])
 def test_the_baseline_parameter_wins(tx):
     geometry = stereo_geometry(camera_info('left'), camera_info('right', tx=tx), WIDTH, HEIGHT, baseline=0.5)

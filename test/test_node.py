@@ -1,4 +1,7 @@
 """The node over DDS, as its own process: messages, parameters, encodings, loops and bad input."""
+import signal
+import time
+
 import numpy as np
 import pytest
 from node_bench import (
@@ -92,8 +95,11 @@ def test_a_parameter_change_takes_effect_on_the_next_frame(client):
     ('w_p', 10, 'w_p'),
     ('num_disparities', 0, 'num_disparities'),
     ('gradient', 'vertical', "gradient = 'vertical' is not allowed: it must be horizontal | magnitude"),
-    ('subpixel', 1, 'type'),
-    ('alpha', 'much', 'type'),
+    ('subpixel', 1, 'subpixel = 1 is not allowed: it must be true | false'),
+    ('publish_filled', 'no', "publish_filled = 'no' is not allowed: it must be true | false"),
+    ('alpha', 'much', "alpha = 'much' is not allowed: it must be a number, 0.0 to 1000.0"),
+    ('w_p', [5, 7], 'w_p = '),
+    ('subpixel', None, 'subpixel = None is not allowed: it must be true | false'),
     ('queue_size', 0, 'queue_size'),
     ('alhpa', 1.0, 'alhpa: did you mean alpha?'),
 ])
@@ -210,6 +216,7 @@ def test_a_bad_pair_gives_one_line_in_the_log(node, client):
     (lambda info: info.p.__setitem__(3, 0.0), 'f = 100, t = 0: right/camera_info has no baseline: P[3] is 0'),
     (lambda info: info.p.__setitem__(3, 20.0), 'left and right look swapped'),
     (lambda info: info.p.__setitem__(0, float('nan')), 'f = 0, t = 0: right/camera_info has a P matrix with NaN'),
+    (lambda info: info.p.__setitem__(2, 1e6), 'principal points -999940 px apart in images 120 px wide'),
     (lambda info: setattr(info, 'width', 1000), 'tells of 1000x90 px, the image has 120x90'),
 ])
 def test_a_bad_camera_info_is_told_and_the_disparity_still_published(client, change, told):
@@ -232,7 +239,38 @@ def test_diagnostics_count_what_came_and_went(client):
     del client.diagnostics[:]
     client.spin_until(lambda: len(client.diagnostics) >= 2, 'two diagnostics')
     counts = client.diagnostics[-1]
+    assert int(counts['defects']) == 0
     assert int(counts['pairs']) >= int(counts['published']) >= 1
     assert int(counts['left images']) >= int(counts['pairs'])
     assert float(counts['latency p50 (ms)']) > 0
     assert float(counts['total (ms)']) > 0
+
+
+@pytest.mark.parametrize(('queue_size', 'paired', 'unpaired'), [(3, 3, 0), (1, 1, 2)])
+def test_as_many_images_wait_as_queue_size_says_and_the_others_are_counted(client, queue_size, paired, unpaired):
+    assert client.set_atomically(queue_size=queue_size).successful
+    before = client.counts()
+    seconds = [client.next_second() for _ in range(3)]
+    for side, message in zip(('left', 'right'), dots(), strict=True):
+        for second in seconds:
+            client.publish_image(side, message, second)
+        came = before[f'{side} images'] + 3
+        client.spin_until(lambda side=side, came=came: client.counts()[f'{side} images'] == came, f'all {side} images')
+    after = client.counts()
+    assert after['pairs'] - before['pairs'] == paired
+    for side in ('left', 'right'):
+        name = f'dropped: unpaired {side}'
+        assert after[name] - before[name] == unpaired
+
+
+def test_the_rate_is_that_of_the_time_that_has_passed(node, client):
+    before = client.counts()
+    for _ in range(8):
+        client.exchange(*dots())
+    node.send(signal.SIGSTOP)
+    time.sleep(3.0)
+    node.send(signal.SIGCONT)
+    after = client.counts()
+    published = after['published'] - before['published']
+    assert published >= 8
+    assert after['rate (Hz)'] < published / 2.9

@@ -1,6 +1,7 @@
 """The node from start to end over DDS: settings at the start, silence, QoS, and the signals that end it."""
 import re
 import signal
+import time
 
 import pytest
 from node_bench import (
@@ -31,6 +32,16 @@ BAD_SETTINGS = {
     r'missing\.yaml': ['--params-file', 'missing.yaml'],
     r'qos_overrides\./disparity\.\*.*sloppy': ['-p', 'qos_overrides./disparity.publisher.reliability:=sloppy'],
     r'left/image_rect\.\* make no QoS: a value has': ['-p', 'qos_overrides./left/image_rect.subscription.depth:=few'],
+    r'started: /x cannot be opened, is another topic remapped to it\?': [
+        '-r', 'left/image_rect:=/x', '-r', 'left/camera_info:=/x'],
+}
+
+
+MISSPELT = {
+    'alhpa': 'alpha',
+    'use_sim_time_': 'use_sim_time',
+    'qos_overrides./left/image_rec.subscription.depth': 'qos_overrides./left/image_rect.subscription.depth',
+    'qos_overrides./disparity.publisher.depht': 'qos_overrides./disparity.publisher.depth',
 }
 
 
@@ -58,10 +69,15 @@ def test_a_bad_setting_at_the_start_is_told_in_one_line_and_ends_with_2(refused,
 
 
 def test_good_settings_at_the_start_are_taken(tmp_path):
-    arguments = ['--params-file', str(ROOT / 'config' / 'paper.yaml'), '-p', 'alpha:=2', '-p', 'alhpa:=1.0',
-                 '-p', 'qos_overrides./left/image_rect.subscription.depth:=3']
+    arguments = ['--params-file', str(ROOT / 'config' / 'paper.yaml'), '-p', 'alpha:=2',
+                 '-p', 'qos_overrides./left/image_rect.subscription.depth:=3',
+                 '-p', 'use_sim_time:=false', '-p', 'start_type_description_service:=true']
+    for name in MISSPELT:
+        arguments += ['-p', f'{name}:=1']
     with running_node(tmp_path, *arguments) as (node, client):
-        assert "unknown parameter 'alhpa' is ignored: did you mean alpha?" in node.log
+        for name, meant in MISSPELT.items():
+            assert f'unknown parameter {name!r} is ignored: did you mean {meant}?' in node.log
+        assert node.log.count('unknown parameter') == len(MISSPELT)
         assert client.get_parameters('alpha', 'gradient', 'sigma_tree') == {
             'alpha': 2.0, 'gradient': 'magnitude', 'sigma_tree': 0.1}
         assert client.get_parameters('qos_overrides./left/image_rect.subscription.depth') == {
@@ -121,6 +137,72 @@ def test_a_signal_ends_a_node_at_work_with_0(tmp_path, number):
         assert 'Traceback' not in node.log
 
 
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('delay', [0.0, 0.2, 0.5, 1.0])
+def test_a_signal_while_the_node_starts_ends_it_with_0(tmp_path, number, delay):
+    node = NodeProcess(fresh_domain(), tmp_path / 'node.log')
+    try:
+        node.wait_until_it_handles_signals()
+        time.sleep(delay)
+        assert node.end(number, limit=5.0) == 0
+        assert node.log == '' or delay >= 0.5  # told nothing before it had begun
+        assert 'Traceback' not in node.log
+    finally:
+        node.kill()
+
+
+def test_a_node_that_is_ended_takes_leave_of_the_others(tmp_path):
+    with running_node(tmp_path) as (node, client):
+        client.wait_for_node()
+        assert client.publishers_of('disparity') == 1
+        assert node.end(signal.SIGINT, limit=5.0) == 0
+        client.spin_until(lambda: client.publishers_of('disparity') == 0, 'no publisher left', limit=3.0)
+
+
+def test_an_impatient_user_gets_0_as_well(tmp_path):
+    with running_node(tmp_path) as (node, _):
+        while node.running:
+            node.send(signal.SIGINT)
+            time.sleep(0.002)
+        assert node.exit_code() == 0
+        assert 'Traceback' not in node.log
+
+
+DEFECTS = """
+import sys
+from svdm_ros import disparity_node, frame_processing
+from svdm_ros.__main__ import main
+
+def fail(*_):
+    raise ValueError('made to fail')
+
+frame_processing.FrameProcessor.warm_up = fail
+disparity_node.DisparityNode._take_info = fail
+sys.exit(main())
+"""
+
+
+def test_defects_of_the_node_are_told_and_counted_and_do_not_end_it(tmp_path):
+    domain = fresh_domain()
+    node = NodeProcess(domain, tmp_path / 'node.log', '-p', 'num_disparities:=16', program=('-c', DEFECTS))
+    client = Client(domain)
+    try:
+        node.wait_for_log('warm-up cut short, the first pairs take longer by a defect of this node')
+        client.exchange_until(*dots(), lambda message: True, 'a disparity')
+        client.publish_infos()
+        node.wait_for_log('callback cut short by a defect of this node, please report it: Traceback')
+        client.exchange(*dots())
+        counts = client.counts()
+        assert counts['defects'] == 3
+        assert 'dropped: failed' not in counts
+        assert 'a request was dropped' not in node.log
+        assert node.log.count('made to fail') == 2  # the second callback of a kind is held back
+        assert node.end(signal.SIGINT, limit=5.0) == 0
+    finally:
+        client.close()
+        node.kill()
+
+
 def test_an_incompatible_qos_is_told_with_the_setting_that_mends_it(tmp_path):
     override = 'qos_overrides./left/image_rect.subscription.reliability'
     best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -136,6 +218,12 @@ def test_an_incompatible_qos_is_told_with_the_setting_that_mends_it(tmp_path):
             line = node.wait_for_log(problem)
             assert '[ERROR]' in line
             assert remedy in line
+        others = [Client(node.domain, latched, best_effort) for _ in range(2)]
+        time.sleep(2.0)
+        for other in others:
+            other.close()
+        for problem in told:
+            assert node.log.count(problem) == 1
         assert node.end(signal.SIGINT, limit=5.0) == 0
 
 

@@ -84,3 +84,4 @@ def test_the_tolerance_in_nanoseconds(seconds):
 def test_a_misspelt_name_is_told_with_the_nearest():
     assert unknown_parameter_line('alhpa') == "unknown parameter 'alhpa' is ignored: did you mean alpha?"
     assert 'ros2 param list' in unknown_parameter_line('frame_rate_of_camera')
+    assert unknown_parameter_line('left.depht', ['left.depth']).endswith('did you mean left.depth?')

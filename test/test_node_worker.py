@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from svdm_ros.diagnostics import diagnostic_array
-from svdm_ros.frame_statistics import FrameStatistics
+from svdm_ros.frame_statistics import FrameStatistics, Rate
 from svdm_ros.worker import Worker
 
 LIMIT = 10.0
@@ -109,11 +109,17 @@ def test_the_counts_add_up():
     statistics.set_dropped('unpaired left', 1)
     statistics.set_dropped('unpaired right', 0)
     statistics.count_published(0.025, {'total': 20.0})
+    statistics.count_defect()
     counts = statistics.snapshot()
     assert counts.received == {'left': 2, 'right': 1}
-    assert (counts.pairs, counts.published, counts.total_dropped) == (1, 1, 3)
+    assert (counts.pairs, counts.published, counts.total_dropped, counts.defects) == (1, 1, 3, 1)
     assert counts.dropped_text() == '3 dropped (2 superseded, 1 unpaired left)'
     assert counts.latencies == (0.025,)
+
+
+def test_the_rate_is_over_the_time_between_two_looks():
+    rate = Rate(now=10.0)
+    assert [rate.update(total, now) for total, now in ((6, 12.0), (6, 13.0), (7, 13.5), (9, 13.5))] == [3, 0, 2, 0]
 
 
 def test_diagnostics_tell_counts_rate_latency_and_trouble():

@@ -138,7 +138,7 @@ def _of_type(actions, name):
 def test_launch_starts_the_node_on_the_camera_of_the_arguments(launch_file):
     node = _launched(launch_file, left_namespace='/cam/l', right_namespace='/cam/r', params_file='mine.yaml')
     assert (node['package'], node['executable']) == ('svdm_ros', 'disparity_node')
-    assert node['parameters'] == ['mine.yaml', {'use_sim_time': False}]
+    assert node['parameters'] == ['mine.yaml']
     remappings = dict(node['remappings'])
     assert set(remappings) == NODE_TOPICS
     assert remappings['right/camera_info'] == '/cam/r/camera_info'
@@ -147,6 +147,7 @@ def test_launch_starts_the_node_on_the_camera_of_the_arguments(launch_file):
 def test_launch_overrides_the_parameter_file_only_where_told_to(launch_file):
     node = _launched(launch_file, params_file='mine.yaml', approximate_sync_tolerance='0.02', use_sim_time='True')
     assert node['parameters'] == ['mine.yaml', {'use_sim_time': True, 'approximate_sync_tolerance': 0.02}]
+    assert _launched(launch_file, use_sim_time='false')['parameters'][1:] == [{'use_sim_time': False}]
 
 
 def test_launch_keeps_a_fast_dds_profile_that_is_set(launch_file):
@@ -191,6 +192,14 @@ def test_installed_config_is_complete_and_the_node_executable(prefix):
     source = {path.name: path.read_bytes() for path in (CHECKOUT / 'config').glob('*.*')}
     assert {path.name: path.read_bytes() for path in (prefix / 'share/svdm_ros/config').iterdir()} == source
     assert os.access(prefix / 'lib/svdm_ros/disparity_node', os.X_OK)
+
+
+def test_the_installed_node_heeds_signals_before_it_imports_anything_that_takes_time(prefix):
+    [scripts] = prefix.glob('lib/python*/site-packages/svdm_ros-*.egg-info/entry_points.txt')
+    assert 'disparity_node = svdm_ros.__main__:main' in scripts.read_text().splitlines()
+    code = 'import sys, svdm_ros.__main__; print({"rclpy", "numba", "numpy", "cv2"} & set(sys.modules))'
+    run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
+    assert run.stdout == 'set()\n', run.stderr
 
 
 @pytest.fixture

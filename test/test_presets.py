@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 import yaml
 
@@ -40,6 +42,8 @@ def test_a_preset_says_when_to_take_it_and_what_it_sets(name):
     ('/**:\n  ros__parameters: 3\n', 'not a ROS parameter file'),
     ('', 'not a ROS parameter file'),
     ('a: [1\n', 'not YAML'),
+    ('/**:\n  ros__parameters:\n    1: 2\n', 'the parameter name 1 is not allowed: it must be a string'),
+    ('/**:\n  ros__parameters:\n    alpha: 2.0\n    on: 2\n', 'the parameter name True is not allowed'),
 ])
 def test_what_is_wrong_with_a_file_is_told_in_one_line(tmp_path, text, reason):
     path = write(tmp_path, text)
@@ -54,8 +58,19 @@ def test_a_file_of_ones_own_is_read(tmp_path):
     assert load_preset(path) == MatcherParameters(alpha=2.5, subpixel=False)
 
 
-def test_what_is_missing_is_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match='default, paper, paper_start'):
-        load_preset('papre')
-    with pytest.raises(FileNotFoundError, match=r'nowhere\.yaml'):
-        load_preset(tmp_path / 'nowhere.yaml')
+@pytest.mark.parametrize('kind', [FileNotFoundError, ValueError])
+@pytest.mark.parametrize('missing', ['papre', Path('nowhere') / 'mine.yaml'])
+def test_what_is_missing_is_named_with_what_there_is(kind, missing):
+    with pytest.raises(kind) as refusal:
+        load_preset(missing)
+    assert str(refusal.value) == (
+        f"no preset '{missing}': there are {', '.join(preset_names())}, or give a .yaml file")
+
+
+def test_a_file_is_read_and_missed_where_no_presets_are_installed(tmp_path, monkeypatch):
+    monkeypatch.setattr('svdm_core.presets.__file__', str(tmp_path / 'lib' / 'svdm_core' / 'presets.py'))
+    assert load_preset(write(tmp_path, '/**:\n  ros__parameters:\n    alpha: 2.5\n')).alpha == 2.5
+    with pytest.raises(ValueError, match=r"no preset 'nowhere\.yaml': none is installed"):
+        load_preset('nowhere.yaml')
+    with pytest.raises(ValueError, match='no presets installed'):
+        load_preset('paper')

@@ -114,7 +114,7 @@ def test_an_image_waits_no_longer_for_a_partner_that_is_nearer_to_a_later_one():
     assert [(pair.left, pair.right) for pair in pairs] == [(12 * MS, 14 * MS)]
 
 
-@given(st.integers(5, 40), st.integers(1, 4), st.booleans())
+@given(st.integers(1, 40), st.integers(1, 4), st.booleans())
 def test_all_pairs_of_every_pass_of_a_looping_bag_come_out(frames, passes, right_first):
     stamps = [10**9 + index * PERIOD for index in range(frames)]
     stream = [image for _ in range(passes) for image in interleaved(stamps)]
@@ -122,6 +122,24 @@ def test_all_pairs_of_every_pass_of_a_looping_bag_come_out(frames, passes, right
         stream = [image for left, right in zip(stream[::2], stream[1::2], strict=True) for image in (right, left)]
     pairer = StereoPairer()
     assert [pair.left for pair in feed(pairer, stream)] == stamps * passes
+
+
+@given(st.integers(2, 12), st.integers(1, 8), st.integers(0, 3), st.integers(0, 3))
+def test_a_loop_shorter_than_any_jump_gives_its_pairs_under_a_tolerance_too(frames, period_ms, left_ms, right_ms):
+    stamps = [index * period_ms * 8 * MS for index in range(frames)]
+    offsets = {'left': left_ms * MS, 'right': right_ms * MS}
+    one_pass = [(side, stamp + offset) for stamp in stamps for side, offset in offsets.items()]
+    pairer = StereoPairer(tolerance_ns=3 * MS)
+    assert [pair.left - offsets['left'] for pair in feed(pairer, one_pass * 3)] == stamps * 3
+    assert pairer.jumps == 2
+
+
+def test_an_image_that_comes_late_in_the_second_pass_is_no_further_jump():
+    stamps = [0, 20 * MS, 40 * MS]
+    pairer = StereoPairer()
+    pairs = feed(pairer, interleaved(stamps) + interleaved([0, 40 * MS, 20 * MS, 60 * MS]))
+    assert pairer.jumps == 1
+    assert [pair.left for pair in pairs] == [*stamps, 0, 40 * MS, 60 * MS]
 
 
 def test_no_pair_is_lost_when_one_side_loops_before_the_other():
@@ -170,3 +188,9 @@ def test_the_closest_gap_is_told_once():
     feed(pairer, interleaved([0, 100 * MS], right_offset=5 * MS))
     assert pairer.take_closest_gap() == 5 * MS
     assert pairer.take_closest_gap() is None
+
+
+def test_the_closest_gap_is_the_smallest_not_the_last():
+    pairer = StereoPairer()
+    feed(pairer, [('left', 0), ('right', 3 * MS), ('left', 200 * MS), ('right', 207 * MS)])
+    assert pairer.take_closest_gap() == 3 * MS

@@ -73,7 +73,7 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
     with contextlib.ExitStack() as stack:
         preset = preset_folder() / f'{START_PRESET}.yaml'
         node = _started(stack, Child(
-            'node', folder / 'node.log', 'svdm_ros.disparity_node', '--ros-args',
+            'node', folder / 'node.log', 'svdm_ros', '--ros-args',
             '--params-file', str(preset), '-p', f'num_disparities:={NUM_DISPARITIES}'))
         children = [node]
         session = stack.enter_context(_session(lambda: [child.check() for child in children]))

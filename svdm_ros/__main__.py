@@ -1,0 +1,18 @@
+"""`python -m svdm_ros`: the node as a process, which a signal ends quietly from its first moment on."""
+from __future__ import annotations
+
+import sys
+
+from .end_signals import EndSignals
+
+
+def main() -> int:
+    """Entry point; returns the exit code: 0 after SIGINT or SIGTERM, 2 for a start-up setting that is wrong."""
+    signals = EndSignals()
+    from .node_process import run  # takes a second, as rclpy, numba and OpenCV come with it
+
+    return run(signals)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""Kernels come from the cache as long as no source has changed, and are compiled where there is no cache."""
+import importlib
+import os
+import pkgutil
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+import svdm_core
+
+CORE = Path(svdm_core.__file__).resolve().parent
+KERNEL_FOLDER = 'svdm_kernels_'
+SMALL_PACKAGE = {
+    '__init__.py': 'from .kernel_cache import kernel_cache\nwith kernel_cache():\n    from .kernels import scaled\n',
+    'constants.py': 'FACTOR = 3\n',
+    'kernels.py': '''import numba
+from .constants import FACTOR
+
+
+@numba.njit(cache=True)
+def scaled(x):
+    return x * FACTOR
+''',
+}
+
+
+class Installation:
+    """A folder with a package that uses `kernel_cache.py`, and the environment it is imported in."""
+
+    def __init__(self, folder):
+        self.folder, self.package = folder, folder / 'small'
+        self.package.mkdir()
+        for name, text in SMALL_PACKAGE.items():
+            (self.package / name).write_text(text)
+        shutil.copy2(CORE / 'kernel_cache.py', self.package)
+        self.home, self.temporary = folder / 'home', folder / 'tmp'
+        self.home.mkdir()
+        self.temporary.mkdir()
+
+    def run(self, code='import small; print(small.scaled(2))', **environment):
+        """What a process of its own prints to stdout and stderr."""
+        own = ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME')
+        run = subprocess.run(
+            [sys.executable, '-c', code], cwd=self.folder, capture_output=True, text=True, timeout=60, check=False,
+            env={key: value for key, value in os.environ.items() if key not in own}
+            | {'HOME': str(self.home), 'TMPDIR': str(self.temporary)} | environment)
+        assert run.returncode == 0, run.stderr
+        return run.stdout.strip(), run.stderr.strip()
+
+    def make_unwritable(self):
+        """Neither package nor home can hold a cache, not even for root, whom no file mode stops."""
+        for folder in (self.package / '__pycache__', self.home):
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.write_text('a file where a folder is looked for')
+
+    def compiled(self, place=None):
+        """Time of writing of each compiled kernel; by default of those beside the package."""
+        place = self.package / '__pycache__' if place is None else place
+        return {path: path.stat().st_mtime_ns for path in place.glob(f'{KERNEL_FOLDER}*/**/*.nbc')}
+
+
+@pytest.fixture
+def installation(tmp_path):
+    return Installation(tmp_path)
+
+
+def test_kernels_are_compiled_anew_when_another_module_changes_and_only_then(installation):
+    assert installation.run() == ('6', '')
+    first = installation.compiled()
+    assert len(first) == 1
+    assert installation.run() == ('6', '')
+    assert installation.compiled() == first
+    (installation.package / 'constants.py').write_text('FACTOR = 50\n')
+    assert installation.run() == ('100', '')
+    assert installation.compiled().items() > first.items()
+
+
+def test_where_nothing_can_be_written_kernels_are_compiled_and_one_line_says_so(installation):
+    installation.make_unwritable()
+    result, told = installation.run()
+    assert result == '6'
+    assert len(told.splitlines()) == 1
+    assert 'compiled at each start' in told
+    assert 'set NUMBA_CACHE_DIR' in told
+    assert list(installation.temporary.iterdir()) == []
+
+
+def test_svdm_core_itself_is_imported_where_nothing_can_be_written(installation):
+    shutil.copytree(CORE, installation.folder / 'svdm_core', ignore=shutil.ignore_patterns('__pycache__'))
+    installation.package = installation.folder / 'svdm_core'
+    installation.make_unwritable()
+    code = 'import svdm_core.matching_cost as module; print(module.__file__)'
+    place, told = installation.run(code)
+    assert Path(place).is_relative_to(installation.folder)
+    assert len(told.splitlines()) == 1
+    assert 'set NUMBA_CACHE_DIR' in told
+
+
+def test_the_folder_that_numba_is_told_comes_first(installation):
+    asked = installation.folder / 'asked'
+    installation.run(NUMBA_CACHE_DIR=str(asked))
+    assert len(installation.compiled(asked)) == 1
+    assert installation.compiled() == {}
+
+
+@pytest.mark.parametrize('asked', [True, False])
+def test_the_users_cache_serves_a_package_that_cannot_be_written(installation, asked):
+    (installation.package / '__pycache__').write_text('')
+    place = installation.folder / 'xdg' if asked else installation.home / '.cache'
+    environment = {'XDG_CACHE_HOME': str(place)} if asked else {}
+    assert installation.run(**environment) == ('6', '')
+    assert len(installation.compiled(place / 'svdm_core')) == 1
+
+
+def test_folders_that_were_not_used_for_a_month_are_removed_and_nothing_else(installation):
+    place = installation.package / '__pycache__'
+    month_ago, week_ago = time.time() - 31 * 24 * 3600, time.time() - 7 * 24 * 3600
+    for name, used in ((f'{KERNEL_FOLDER}old', month_ago), (f'{KERNEL_FOLDER}other', week_ago), ('mine', month_ago)):
+        (place / name / 'inside').mkdir(parents=True)
+        os.utime(place / name, (used, used))
+    installation.run()
+    [own] = {path.parents[1] for path in installation.compiled()}
+    os.utime(own, (month_ago, month_ago))
+    installation.run()
+    assert time.time() - own.stat().st_mtime < 60
+    assert {path.name for path in place.iterdir() if path.is_dir()} == {own.name, f'{KERNEL_FOLDER}other', 'mine'}
+
+
+def test_numba_is_left_as_it_was(installation):
+    code = 'import small, numba; print(repr(numba.config.CACHE_DIR))'
+    assert installation.run(code)[0] == "''"
+    assert installation.run(code, NUMBA_CACHE_DIR=str(installation.folder / 'asked'))[0].endswith("asked'")
+
+
+def test_every_kernel_is_in_a_folder_of_the_sources():
+    modules = [importlib.import_module(f'svdm_core.{module.name}') for module in pkgutil.iter_modules([CORE])]
+    kernels = [kernel for module in modules for kernel in vars(module).values() if isinstance(kernel, Dispatcher)]
+    assert len(kernels) > 10
+    outside = {kernel.__name__ for kernel in kernels if KERNEL_FOLDER not in kernel.stats.cache_path}
+    assert outside == set()
