@@ -11,12 +11,12 @@ import dataclasses
 import numba
 import numpy as np
 
-from .arrays import Float32, Int16, Int32, Uint8, UInt64
+from .arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
 from .disparity_optimization import Winners, take_smallest
-from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_vector, gather_nodes
+from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes
 from .parameters import MatcherParameters
 from .spanning_forest import SpanningTrees
-from .vectors import load, pointer, splat, store
+from .vectors import load, minimum, pointer, splat, store, to_uint16
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -39,6 +39,11 @@ class ForestNodes:
         own_census = np.zeros((2, nodes if planes.census.size else 0), np.uint64)
         return cls(np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.int32),
                    np.zeros((2, nodes * planes.values.shape[1]), np.float32), own_census)
+
+    def gather_pixels(self, planes: MatchingPlanes, width: int) -> None:
+        """From the planes alone, W = width: the nodes in the order of the pixels, without a tree."""
+        pixel = np.tile(np.arange(self.partner.shape[1], dtype=np.int32), (2, 1))
+        gather_nodes(planes.values, planes.census, pixel, width, self.partner, self.own, self.own_census)
 
     def gather(self, trees: SpanningTrees, planes: MatchingPlanes, width: int, parameters: MatcherParameters) -> None:
         """From the trees and the planes of a pair, W = width."""
@@ -74,8 +79,75 @@ def aggregate(
     census = planes.census.reshape(2, -1)
     size = planes.values[0, 0].size
     _aggregate(trees.parent, nodes.similarity, nodes.inner, nodes.partner, nodes.own, nodes.own_census, values,
-               census, size, cost_scale(parameters), parameters.min_disparity, parameters.num_disparities,
-               parameters.subpixel, scratch, winners.best, winners.index, winners.beside)
+               census, size, cost_scale(parameters), cost_terms(parameters), parameters.min_disparity,
+               parameters.num_disparities, parameters.subpixel, scratch, winners.best, winners.index, winners.beside)
+
+
+def aggregate_volume(
+    trees: SpanningTrees, nodes: ForestNodes, planes: MatchingPlanes, parameters: MatcherParameters, scratch: Float32,
+    factor: float, stride: int, volume: Uint16,
+) -> None:
+    """Stages 1 and 2 over all disparities, into volume: uint16 (2, N * stride), by pixel, not mirrored back.
+
+    Divided by the sum of supports, so that pixels compare, and times `factor`; the disparities from num_disparities
+    up to `stride` cost the most there is. scratch: as for `aggregate`.
+    """
+    sums = np.empty(nodes.similarity.shape, np.float32)
+    _support_sums(trees.parent, nodes.similarity, sums)
+    scale = cost_scale(parameters)
+    _aggregate_volume(trees.parent, nodes.similarity, nodes.inner, nodes.partner, nodes.own, nodes.own_census,
+                      planes.values.reshape(2, -1), planes.census.reshape(2, -1), planes.values[0, 0].size,
+                      scale, cost_terms(parameters), parameters.min_disparity, parameters.num_disparities,
+                      scratch, trees.pixel, np.float32(factor) / sums, np.float32(scale[4] * factor), stride, volume)
+
+
+@numba.njit(cache=True, parallel=True)
+def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
+    """The two passes over ones: the sum of all supports of each node."""
+    for view in numba.prange(parent.shape[0]):
+        total = sums[view]
+        total[:] = 1
+        for k in range(total.size - 1, 0, -1):
+            total[parent[view, k]] += similarity[view, k] * total[k]
+        for k in range(1, total.size):
+            s = similarity[view, k]
+            total[k] = s * total[parent[view, k]] + (np.float32(1) - s * s) * total[k]
+
+
+@numba.njit(cache=True, parallel=True)
+def _aggregate_volume(
+    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
+    num_disparities: int, scratch: Float32, pixel: Int32, factor: Float32, largest: np.float32, stride: int,
+    volume: Uint16,
+) -> None:
+    views, slots, length = scratch.shape
+    block = length // parent.shape[1]
+    rounds = -(-stride // (slots * block))
+    for task in numba.prange(views * slots):
+        view, slot = task // slots, task % slots
+        for first in range(slot * rounds * block, min(stride, (slot + 1) * rounds * block), block):
+            _leaf_to_root(parent[view], similarity[view], inner[view], partner[view], own[view], own_census[view],
+                          values[1 - view], census[1 - view], size, scale, terms, min_disparity + first,
+                          scratch[view, slot])
+            _root_to_volume(parent[view], similarity[view], first, _behind(first, num_disparities, block, 0.5, 1e9),
+                            scratch[view, slot], pixel[view], factor[view], largest, stride, volume[view])
+
+
+@numba.njit(cache=True)
+def _root_to_volume(
+    parent: Int32, similarity: Float32, first: int, behind: Float32, rows: Float32, pixel: Int32, factor: Float32,
+    largest: np.float32, stride: int, volume: Uint16,
+) -> None:
+    """The downward pass of `_root_to_leaf`; the finished rows, scaled and `behind` added, go to their pixels."""
+    block = rows.size // parent.size
+    at, volume_at, barrier, most = pointer(rows), pointer(volume), load(pointer(behind), 0), splat(largest)
+    for k in range(parent.size):
+        s = similarity[k] if k > 0 else np.float32(0)
+        row = splat(s) * load(at, parent[k] * block) + splat(np.float32(1) - s * s) * load(at, k * block)
+        store(at, k * block, row)
+        scaled = minimum(row * splat(factor[k]) + barrier, most)
+        store(volume_at, np.int64(pixel[k]) * stride + first, to_uint16(scaled))
 
 
 @numba.njit(cache=True, parallel=True)
@@ -92,8 +164,8 @@ def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: F
 @numba.njit(cache=True, parallel=True)
 def _aggregate(
     parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
-    values: Int16, census: UInt64, size: int, scale: CostScale, min_disparity: int, num_disparities: int,
-    subpixel: bool, scratch: Float32, best: Int32, index: Int32, beside: Float32,
+    values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
+    num_disparities: int, subpixel: bool, scratch: Float32, best: Int32, index: Int32, beside: Float32,
 ) -> None:
     views, slots, length = scratch.shape
     block = length // parent.shape[1]
@@ -103,25 +175,28 @@ def _aggregate(
         start, stop = slot * rounds * block, min(num_disparities, (slot + 1) * rounds * block)
         for first in range(start, stop, block):
             _leaf_to_root(parent[view], similarity[view], inner[view], partner[view], own[view], own_census[view],
-                          values[1 - view], census[1 - view], size, scale, min_disparity + first, scratch[view, slot])
-            _root_to_leaf(parent[view], similarity[view], first, start, stop, subpixel and view == 0,
-                          scratch[view, slot], best[view, slot], index[view, slot], beside[slot])
+                          values[1 - view], census[1 - view], size, scale, terms, min_disparity + first,
+                          scratch[view, slot])
+            _root_to_leaf(parent[view], similarity[view], first, start, _behind(first, stop, block, 0, np.inf),
+                          subpixel and view == 0, scratch[view, slot], best[view, slot], index[view, slot],
+                          beside[slot])
 
 
 @numba.njit(cache=True)
 def _leaf_to_root(
     parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
-    values: Int16, census: UInt64, size: int, scale: CostScale, disparity: int, rows: Float32,
+    values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool],
+    disparity: int, rows: Float32,
 ) -> None:
     """A_up(p) = C(p) + sum over children c of S(c) A_up(c); rows (N * BLOCK), their content of before is void."""
     block = rows.size // parent.size
     planes = values.size // size
     at, own_at, own_census_at = pointer(rows), pointer(own), pointer(own_census)
-    values_at, census_at, has_census = pointer(values), pointer(census), census.size > 0
+    values_at, census_at = pointer(values), pointer(census)
     children = splat(np.float32(0))
     parent_before = np.int32(-1)
     for k in range(parent.size - 1, -1, -1):
-        cost = cost_vector(own_at, own_census_at, k, values_at, census_at, has_census, planes, size,
+        cost = cost_vector(own_at, own_census_at, k, values_at, census_at, terms, planes, size,
                            partner[k] + disparity, scale)
         row = cost + splat(inner[k]) * load(at, k * block)
         store(at, k * block, row)
@@ -134,15 +209,21 @@ def _leaf_to_root(
 
 
 @numba.njit(cache=True)
+def _behind(first: int, stop: int, block: int, inside: float, outside: float) -> Float32:
+    """What is added to a block of costs: `inside` up to disparity `stop`, `outside` from there on."""
+    added = np.full(block, np.float32(inside))
+    added[min(max(stop - first, 0), block):] = outside
+    return added
+
+
+@numba.njit(cache=True)
 def _root_to_leaf(
-    parent: Int32, similarity: Float32, first: int, start: int, stop: int, subpixel: bool, rows: Float32,
+    parent: Int32, similarity: Float32, first: int, start: int, behind: Float32, subpixel: bool, rows: Float32,
     best: Int32, index: Int32, beside: Float32,
 ) -> None:
-    """A(v) = S(v) A(parent) + (1 - S(v)^2) A_up(v); the finished row goes to `take_smallest`."""
+    """A(v) = S(v) A(parent) + (1 - S(v)^2) A_up(v); the finished row, `behind` added, goes to `take_smallest`."""
     block = rows.size // parent.size
-    beyond = np.zeros(block, np.float32)  # added to the costs: infinite behind the search range
-    beyond[min(stop - first, block):] = np.inf
-    barrier = load(pointer(beyond), 0)
+    barrier = load(pointer(behind), 0)
     at, best_at, index_at, beside_at = pointer(rows), pointer(best), pointer(index), pointer(beside)
     for k in range(parent.size):
         s = similarity[k] if k > 0 else np.float32(0)

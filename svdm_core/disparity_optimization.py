@@ -76,7 +76,8 @@ def take_smallest(row, rows, block, k, first, start, subpixel, best, index, besi
 
 
 @numba.njit(cache=True, inline='always')
-def _parabola(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
+def parabola(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
+    """Vertex of the parabola through three costs, the middle one the smallest: -0.5 .. 0.5 disparities."""
     bend = below - np.float32(2) * best + above
     if bend <= 0:
         return np.float32(0)
@@ -109,5 +110,5 @@ def _images(
                 at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < slots - 1
                 below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
                 above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]
-                offset = _parabola(below, cost[0, slot, k], above)
+                offset = parabola(below, cost[0, slot, k], above)
             vertex[pixel[0, k]] = offset

@@ -6,17 +6,19 @@ import dataclasses
 import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import numba
 import numpy as np
 
-from .arrays import Bool, Float32, Image, Uint8
-from .cost_aggregation import ForestNodes, aggregate
+from .arrays import Bool, Float32, Image, Int32, Uint8
+from .cost_aggregation import ForestNodes, aggregate, aggregate_volume
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
 from .matching_cost import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
+from .semiglobal_optimization import cost_factor, padded, semiglobal_winners
 from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
@@ -27,6 +29,10 @@ _CORES = numba.get_num_threads()
 
 # Most that the costs in work may take, where one block of either view takes less: memory must not grow with the cores.
 _COST_BYTES = 256 * 2**20
+
+# Settings that between them run every kernel.
+_ALL_STAGES: tuple[dict[str, Any], ...] = (
+    {'aggregation': 'tree'}, {'aggregation': 'tree', 'p2': 1.0}, {'aggregation': 'box', 'p2': 1.0})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -71,42 +77,62 @@ class StereoMatcher:
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
-        matcher = StereoMatcher(self.parameters.replace(num_disparities=2, median_scope='all'), self.threads)
-        for depth in (np.uint8, np.uint16):
-            small = np.zeros((4, 6), depth)
-            matcher.compute(small, small)
+        small = [np.zeros((4, 6), depth) for depth in (np.uint8, np.uint16)]
+        for stages in _ALL_STAGES:
+            matcher = StereoMatcher(MatcherParameters(num_disparities=2, median_scope='all', **stages), self.threads)
+            for image in small:
+                matcher.compute(image, image)
 
     def _compute(
         self, left: Image, right: Image, parameters: MatcherParameters
     ) -> DisparityResult:
-        height, width = left.shape[:2]
         clock = _StageClock()
         buffers = self._buffers_for(left, parameters)
-        with clock.stage('spanning_forest'):
-            buffers.trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1])
-        with clock.stage('matching_cost'):
-            buffers.planes.fill(left, right, parameters.gradient)
-            buffers.nodes.gather(buffers.trees, buffers.planes, width, parameters)
-        with clock.stage('cost_aggregation'):
-            aggregate(buffers.trees, buffers.nodes, buffers.planes, parameters,
-                      buffers.scratch, buffers.winners)
-        with clock.stage('disparity_optimization'):
-            winner, vertex = buffers.winners.images(buffers.trees.pixel, (height, width), parameters.num_disparities,
-                                                    buffers.layout.per_slot)
+        if parameters.aggregation == 'tree':
+            winner, vertex = self._along_trees(left, right, parameters, buffers, clock)
+        else:
+            winner, vertex = self._in_boxes(left, right, parameters, buffers, clock)
         with clock.stage('disparity_refinement'):
             valid = left_right_check(winner[0], winner[1], parameters.min_disparity, parameters.tau_lr)
             disparity = refine(winner[0], vertex if parameters.subpixel else None, valid, left, parameters)
         return DisparityResult(disparity, valid, clock.milliseconds())
 
+    def _along_trees(
+        self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
+    ) -> tuple[Int32, Float32]:
+        """Stages 1 to 3 with the paper's aggregation: winners of both views, sub-pixel offsets of the left."""
+        shape = left.shape[:2]
+        trees, nodes, planes = buffers.trees, buffers.nodes, buffers.planes
+        with clock.stage('spanning_forest'):
+            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1])
+        with clock.stage('matching_cost'):
+            planes.fill(left, right, parameters.gradient)
+            nodes.gather(trees, planes, shape[1], parameters)
+        if parameters.p2 == 0:
+            with clock.stage('cost_aggregation'):
+                aggregate(trees, nodes, planes, parameters, buffers.scratch, buffers.winners)
+            with clock.stage('disparity_optimization'):
+                return buffers.winners.images(trees.pixel, shape, parameters.num_disparities, buffers.layout.per_slot)
+        with clock.stage('cost_aggregation'):
+            aggregate_volume(trees, nodes, planes, parameters, buffers.scratch, cost_factor(parameters),
+                             padded(parameters.num_disparities), buffers.volume)
+        with clock.stage('disparity_optimization'):
+            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below)
+
+    def _in_boxes(
+        self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
+    ) -> tuple[Int32, Float32]:
+        """The same with 3x3 boxes, which are summed up while the rows are smoothed."""
+        with clock.stage('matching_cost'):
+            buffers.planes.fill(left, right, parameters.gradient)
+            buffers.nodes.gather_pixels(buffers.planes, left.shape[1])
+        with clock.stage('disparity_optimization'):
+            return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume,
+                                      buffers.below)
+
     def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
-        layout = _Layout(
-            shape=image.shape,
-            min_disparity=parameters.min_disparity,
-            num_disparities=parameters.num_disparities,
-            census=parameters.census_weight > 0,
-            slots=_slots(image.shape[0] * image.shape[1], parameters.num_disparities),
-        )
+        layout = _Layout.of(image.shape, parameters)
         if self._buffers is None or self._buffers.layout != layout:
             self._buffers = None  # free the old ones before the new ones are made
             self._buffers = _Buffers(layout)
@@ -130,6 +156,18 @@ class _Layout:
     num_disparities: int
     census: bool
     slots: int
+    tree: bool
+    volume: bool
+    from_below: bool
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...], parameters: MatcherParameters) -> _Layout:
+        """The layout for images of `shape`."""
+        tree, smooth = parameters.aggregation == 'tree', parameters.p2 > 0
+        from_below = smooth and parameters.paths == 4
+        return cls(shape, parameters.min_disparity, parameters.num_disparities, parameters.census_weight > 0,
+                   _slots(shape[0] * shape[1], parameters.num_disparities), tree, (tree and smooth) or from_below,
+                   from_below)
 
     @property
     def per_slot(self) -> int:
@@ -138,20 +176,26 @@ class _Layout:
 
 
 class _Buffers:
-    """Scratch kept from frame to frame: the planes compared, a block of costs for each slot, the winners so far.
+    """Scratch kept from frame to frame.
 
-    All disparities never exist at once: with S slots, memory is S * BLOCK / D of a cost volume for each view.
+    Without semi-global optimisation all disparities never exist at once: with S slots, each view takes
+    S * BLOCK / D of a cost volume. Semi-global optimisation after the tree stores the volume in 16 bits, and the path
+    from below another.
     """
 
     def __init__(self, layout: _Layout) -> None:
         nodes = layout.shape[0] * layout.shape[1]
+        tree_nodes = nodes if layout.tree else 0
+        stride = padded(layout.num_disparities)
         self.layout = layout
-        end = layout.min_disparity + layout.slots * layout.per_slot
+        end = layout.min_disparity + max(layout.slots * layout.per_slot, stride)
         self.planes = MatchingPlanes.empty(layout.shape, end, layout.census)
-        self.trees = SpanningTrees.empty(layout.shape)
+        self.trees = SpanningTrees.empty(layout.shape if layout.tree else (0, 0))
         self.nodes = ForestNodes.empty(self.planes, nodes)
-        self.scratch = np.zeros((2, layout.slots, nodes * BLOCK), np.float32)
-        self.winners = Winners.empty(layout.slots, nodes)
+        self.scratch = np.zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
+        self.winners = Winners.empty(layout.slots, tree_nodes)
+        self.volume = np.empty((2, nodes * stride if layout.volume else 0), np.uint16)
+        self.below = np.empty((2, nodes * stride if layout.from_below else 0), np.uint16)
 
 
 class _StageClock:

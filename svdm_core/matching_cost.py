@@ -83,6 +83,11 @@ def cost_scale(parameters: MatcherParameters) -> CostScale:
             np.float32(largest))
 
 
+def cost_terms(parameters: MatcherParameters) -> tuple[bool, bool]:
+    """Whether the differences of eqs 1-7 have any weight, and whether the census has."""
+    return parameters.tau_ad > 0 or parameters.alpha * parameters.tau_gm > 0, parameters.census_weight > 0
+
+
 def _unit(image: Image) -> np.float32:
     """Intensity on 0..1 of one grey level of the image."""
     return np.float32(1 / 255 if image.dtype == np.uint8 else 1 / 65535)
@@ -169,22 +174,26 @@ def gather_nodes(
 
 
 @numba.njit(cache=True)
-def cost_vector(own, own_census, k, values, census, has_census, planes, size, start, scale):  # type: ignore[no-untyped-def]
+def cost_vector(own, own_census, k, values, census, terms, planes, size, start, scale):  # type: ignore[no-untyped-def]
     """Costs of node k, a vector over BLOCK disparities (eq 8), unit 1 / INTENSITY.
 
     own (N * (C + 1)), own_census (N): of `node_values`, one view, flat. values, census: the other view's planes,
-    flat, `size` the length of each; start: where in a plane the first partner lies. scale: a `CostScale`.
+    flat, `size` the length of each; start: where in a plane the first partner lies. scale: a `CostScale`; terms: of
+    `cost_terms`.
     """
     tau_ad, tau_gm, alpha, bit, largest = scale
+    has_differences, has_census = terms
     first = k * planes
-    difference = absolute(splat(own[first]) - to_float(load(values, start)))
-    if planes == 4:
-        second = absolute(splat(own[first + 1]) - to_float(load(values, size + start)))
-        third = absolute(splat(own[first + 2]) - to_float(load(values, 2 * size + start)))
-        difference = (difference + second + third) * splat(np.float32(1 / 3))
     slope = load(values, (planes - 1) * size + start)
-    slope_difference = absolute(splat(own[first + planes - 1]) - to_float(slope))
-    cost = minimum(difference, splat(tau_ad)) + splat(alpha) * minimum(slope_difference, splat(tau_gm))
+    cost = splat(np.float32(0))
+    if has_differences:
+        difference = absolute(splat(own[first]) - to_float(load(values, start)))
+        if planes == 4:
+            second = absolute(splat(own[first + 1]) - to_float(load(values, size + start)))
+            third = absolute(splat(own[first + 2]) - to_float(load(values, 2 * size + start)))
+            difference = (difference + second + third) * splat(np.float32(1 / 3))
+        slope_difference = absolute(splat(own[first + planes - 1]) - to_float(slope))
+        cost = minimum(difference, splat(tau_ad)) + splat(alpha) * minimum(slope_difference, splat(tau_gm))
     if has_census:
         distance = count_ones(splat(own_census[k]) ^ load(census, start))
         cost = cost + splat(bit) * to_float(distance)

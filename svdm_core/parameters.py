@@ -112,6 +112,9 @@ class MatcherParameters:
     census_weight: float = _parameter(
         0.0, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
         minimum=0.0, maximum=1000.0)
+    aggregation: str = _parameter(
+        'tree', 'support of a pixel: all others along a minimum spanning tree (the paper), or the 3x3 box around it',
+        choices=('tree', 'box'))
     sigma_tree: float = _parameter(
         0.1, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
     d_y: int = _parameter(
@@ -121,6 +124,15 @@ class MatcherParameters:
         minimum=1, maximum=5, step=2)
     subpixel: bool = _parameter(
         True, 'refine the winning disparity by the parabola through its neighbours')
+    p1: float = _parameter(
+        0.0, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
+        minimum=0.0, maximum=1000.0)
+    p2: float = _parameter(
+        0.0, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
+        minimum=0.0, maximum=1000.0)
+    paths: int = _parameter(
+        4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
+        minimum=3, maximum=4)
     tau_lr: float = _parameter(
         1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0)
     median_scope: str = _parameter(

@@ -49,7 +49,11 @@ class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
 
 @_intrinsic
 def pointer(_: Any, array: Any) -> Any:
-    """Where the elements of `array` begin; may be indexed. The array must outlive it."""
+    """Where the elements of `array` begin; may be indexed.
+
+    Only of arrays that are arguments of the kernel: numba frees a local array behind its last use, and does not
+    count the pointer as one.
+    """
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return context.make_array(signature.args[0])(context, builder, arguments[0]).data
 
@@ -122,6 +126,7 @@ _overload_operator(operator.add, 'fadd', 'add')
 _overload_operator(operator.sub, 'fsub', 'sub')
 _overload_operator(operator.mul, 'fmul', 'mul')
 _overload_operator(operator.xor, '', 'xor')
+_overload_operator(operator.or_, '', 'or_')
 
 
 @_intrinsic
@@ -182,20 +187,60 @@ def where_equal(_: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
 
 
 @_intrinsic
+def to_uint16(_: Any, a: Any) -> Any:
+    """Floats from 0 to 65535 as uint16, cut off."""
+    vector = Vector(types.uint16, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        whole = builder.fptosi(arguments[0], ir.VectorType(ir.IntType(32), a.lanes))
+        return builder.trunc(whole, vector.as_llvm())
+
+    return vector(a), generate
+
+
+@_intrinsic
+def least(_: Any, a: Any) -> Any:
+    """The smallest lane of unsigned integers."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _least(builder, arguments[0], 'umin')
+
+    return a.element(a), generate
+
+
+@_intrinsic
+def first_equal(_: Any, a: Any, value: Any) -> Any:
+    """The first lane of integers that equals `value`, or the number of lanes; int32."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _first_equal(builder, *arguments)
+
+    return types.int32(a, value), generate
+
+
+@_intrinsic
 def smallest(_: Any, a: Any) -> Any:
-    """(bits, lane) of the smallest of sixteen float32 >= 0: int32 bits, which order like the floats; the first lane."""
+    """(bits, lane) of the smallest of float32 >= 0: int32 bits, which order like the floats; the first of equals."""
     result = types.UniTuple(types.int32, 2)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        whole = ir.VectorType(ir.IntType(32), a.lanes)
-        bits = builder.bitcast(arguments[0], whole)
-        least = _call(builder, 'llvm.vector.reduce.smin', ir.IntType(32), whole, f'v{a.lanes}i32', [bits])
-        equal = builder.icmp_signed('==', bits, _splat(builder, least, whole))
-        mask = builder.zext(builder.bitcast(equal, ir.IntType(a.lanes)), ir.IntType(32))
-        lane = builder.cttz(mask, ir.Constant(ir.IntType(1), 1))
-        return context.make_tuple(builder, result, [least, lane])
+        bits = builder.bitcast(arguments[0], ir.VectorType(ir.IntType(32), a.lanes))
+        smallest = _least(builder, bits, 'smin')
+        return context.make_tuple(builder, result, [smallest, _first_equal(builder, bits, smallest)])
 
     return result(a), generate
+
+
+def _least(builder: Any, vector: Any, order: str) -> Any:
+    kind = vector.type
+    suffix = f'v{kind.count}i{kind.element.width}'
+    return _call(builder, f'llvm.vector.reduce.{order}', kind.element, kind, suffix, [vector])
+
+
+def _first_equal(builder: Any, vector: Any, value: Any) -> Any:
+    equal = builder.icmp_signed('==', vector, _splat(builder, value, vector.type))
+    mask = builder.zext(builder.bitcast(equal, ir.IntType(vector.type.count)), ir.IntType(64))
+    end = ir.Constant(ir.IntType(64), 1 << vector.type.count)  # found where nothing is
+    lane = builder.cttz(builder.or_(mask, end), ir.Constant(ir.IntType(1), 1))
+    return builder.trunc(lane, ir.IntType(32))
 
 
 def _call(builder: Any, name: str, returned: Any, taken: Any, suffix: str, arguments: Any) -> Any:

@@ -4,7 +4,7 @@ import numpy as np
 from svdm_core import cost_aggregation
 from svdm_core.cost_aggregation import ForestNodes
 from svdm_core.disparity_optimization import Winners
-from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes, cost_scale
+from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes, cost_scale, cost_terms
 from svdm_core.spanning_forest import SpanningTrees
 
 
@@ -41,10 +41,11 @@ class Stages:
                 cost_aggregation._leaf_to_root(
                     *nodes, self.nodes.partner[view], self.nodes.own[view], self.nodes.own_census[view],
                     planes[1 - view], self.planes.census.reshape(2, -1)[1 - view], self.planes.values[0, 0].size,
-                    cost_scale(self.parameters), self.parameters.min_disparity + first, rows)
+                    cost_scale(self.parameters), cost_terms(self.parameters), self.parameters.min_disparity + first, rows)
+                behind = np.zeros(BLOCK, np.float32)
                 scrap = Winners.empty(1, self.nodes_count)
-                cost_aggregation._root_to_leaf(*nodes[:2], first, 0, disparities, view == 0, rows, scrap.best[view, 0],
-                                               scrap.index[view, 0], scrap.beside[0])
+                cost_aggregation._root_to_leaf(*nodes[:2], first, 0, behind, view == 0, rows,
+                                               scrap.best[view, 0], scrap.index[view, 0], scrap.beside[0])
                 volume[view, self.trees.pixel[view], first:first + BLOCK] = rows.reshape(-1, BLOCK)
         return volume.reshape(2, height, width, -1)[..., :disparities] / np.float32(INTENSITY)
 

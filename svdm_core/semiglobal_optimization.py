@@ -1,0 +1,266 @@
+"""Stage 3, semi-global: costs smoothed along scanlines from several directions before the winner takes all.
+
+L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q), q the pixel before p (Hirschmueller
+2008), summed over the paths from the left, the right, above and, if wanted, below. Costs are uint16, scaled so that no
+sum overflows; the disparities of a pixel lie side by side, filled up to whole vectors with the largest cost.
+
+Rows are worked on from top to bottom, a few at a time so that they stay in the cache and that the vector
+instructions of one row need not wait for those of its left neighbour. Only the path from below needs a volume.
+"""
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from .arrays import Float32, Int16, Int32, Uint16, UInt64
+from .cost_aggregation import ForestNodes
+from .disparity_optimization import parabola
+from .matching_cost import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
+from .parameters import MatcherParameters
+from .vectors import first_equal, least, load, minimum, pointer, splat, store, to_uint16
+
+# Disparities in one vector.
+LANES = 32
+
+# Four path costs of this size still fit into 16 bits.
+LARGEST = 2**14 - 1
+
+# Rows worked on at a time.
+_ROWS = 4
+
+
+def padded(num_disparities: int) -> int:
+    """Disparities stored for each pixel: whole vectors."""
+    return -(-num_disparities // LANES) * LANES
+
+
+def cost_factor(parameters: MatcherParameters) -> float:
+    """What the costs of `cost_vector` are multiplied by: a pixel's aggregated cost and P2 together stay in 14 bits."""
+    largest = float(cost_scale(parameters)[4]) + parameters.p2 * INTENSITY
+    return (LARGEST - 2 * _summed(parameters)) / (_summed(parameters) * max(largest, 1.0))
+
+
+def semiglobal_winners(
+    nodes: ForestNodes, planes: MatchingPlanes, parameters: MatcherParameters, shape: tuple[int, int], volume: Uint16,
+    below: Uint16,
+) -> tuple[Int32, Float32]:
+    """Smooth both views and take the winners; returns what `Winners.images` does.
+
+    nodes: in the order of the pixels, from which box aggregation takes its costs. volume: uint16 (2, N * stride),
+    stride of `padded`, holds the costs of tree aggregation; scratch for box aggregation with the path from below,
+    else (2, 0). below: scratch of that shape where there is that path, else (2, 0).
+    """
+    winner = np.empty((2, *shape), np.int32)
+    vertex = np.zeros(shape, np.float32)
+    factor = cost_factor(parameters)
+    p1, p2 = (np.uint16(round(p * INTENSITY * _summed(parameters) * factor))
+              for p in (min(parameters.p1, parameters.p2), parameters.p2))
+    _smooth(nodes.own, nodes.own_census, nodes.partner, planes.values.reshape(2, -1), planes.census.reshape(2, -1),
+            planes.values.shape[1], planes.values[0, 0].size, cost_scale(parameters), cost_terms(parameters),
+            parameters.min_disparity, parameters.num_disparities, np.float32(factor), volume, below, *shape,
+            padded(parameters.num_disparities), p1, p2, parameters.aggregation == 'box', winner.reshape(2, -1),
+            vertex.reshape(-1) if parameters.subpixel else vertex.reshape(-1)[:0])
+    return winner, vertex
+
+
+def _summed(parameters: MatcherParameters) -> int:
+    """Matching costs that make up an aggregated one, as it is stored."""
+    return 9 if parameters.aggregation == 'box' else 1
+
+
+@numba.njit(cache=True, parallel=True)
+def _smooth(
+    own: Float32, own_census: UInt64, partner: Int32, values: Int16, census: UInt64, planes: int, size: int,
+    scale: CostScale, terms: tuple[bool, bool], first: int, disparities: int, factor: np.float32, volume: Uint16,
+    below: Uint16, height: int, width: int, stride: int, p1: np.uint16, p2: np.uint16, box: bool, winner: Int32,
+    vertex: Float32,
+) -> None:
+    barrier = np.zeros(stride, np.uint16)
+    barrier[disparities:] = 65535
+    behind = np.full(stride, np.float32(0.5))  # rounds; makes anything the largest behind the search range
+    behind[disparities:] = 1e9
+    for view in numba.prange(2):
+        source = (own[view], own_census[view], partner[view], values[1 - view], census[1 - view], planes, size, scale,
+                  terms, first, behind, factor)
+        line, rows_line = np.empty((2, max(width, _ROWS) * (stride + 2 * LANES)), np.uint16)
+        costs, total = np.empty((2, _ROWS * width * stride), np.uint16)
+        if box and volume.size:
+            _fill_volume(source, height, width, stride, volume[view])
+        if below.size:
+            _paths_from_below(volume[view], height, width, stride, p1, p2, line,
+                              below[view])
+        _smooth_view(source, volume[view], below[view], height, width, stride, disparities, p1, p2, line, rows_line,
+                     costs, total, barrier, winner[view], vertex if view == 0 else vertex[:0])
+
+
+@numba.njit(cache=True)
+def _advance(line, at, cost, here, total, there, add, low, p1, p2, chunks):  # type: ignore[no-untyped-def]
+    """One pixel of one path: L of the pixel before becomes this pixel's, in place; returns its minimum.
+
+    line: pointer to L from `at` on, at least a vector of large values on either side. cost, total: pointers to this
+    pixel's costs from `here`, and to the sums over paths from `there` on, set or added to. low: min L of before.
+    """
+    smooth, jump, before = splat(p1), splat(np.uint16(low + p2)), splat(low)
+    smallest = splat(np.uint16(65535))
+    below = load(line, at - 1)
+    for c in range(chunks):
+        o = c * LANES
+        same, above = load(line, at + o), load(line, at + o + 1)
+        next_below = load(line, at + o + LANES - 1)  # before it is overwritten
+        best = minimum(minimum(same, minimum(below, above) + smooth), jump)
+        new = load(cost, here + o) + (best - before)
+        store(line, at + o, new)
+        smallest = minimum(smallest, new)
+        store(total, there + o, load(total, there + o) + new if add else new)
+        below = next_below
+    return least(smallest)
+
+
+@numba.njit(cache=True)
+def _winner(total, there, more, at, from_below, barrier, chunks):  # type: ignore[no-untyped-def]
+    """(sum, disparity) of the smallest sum of a pixel; adds the path from below first where there is one."""
+    smallest = splat(np.uint16(65535))
+    for c in range(chunks):
+        o = c * LANES
+        value = load(total, there + o)
+        if from_below:
+            value = value + load(more, at + o)
+            store(total, there + o, value)
+        smallest = minimum(smallest, value | load(barrier, o))
+    least_sum = least(smallest)
+    winner = LANES
+    for c in range(chunks):
+        winner = first_equal(load(total, there + c * LANES), least_sum)
+        if winner < LANES:
+            return least_sum, np.int32(c * LANES + winner)
+    return least_sum, np.int32(winner)
+
+
+@numba.njit(cache=True)
+def _cost_row(source, y, width, stride, into):  # type: ignore[no-untyped-def]
+    """Matching costs of row y, scaled, into uint16 (width * stride); behind the search range the largest."""
+    own, own_census, partner, values, census, planes, size, scale, terms, first, behind, factor = source
+    own_at, own_census_at, values_at, census_at, at, behind_at = (
+        pointer(own), pointer(own_census), pointer(values), pointer(census), pointer(into), pointer(behind))
+    largest = splat(np.float32(scale[4] * factor + np.float32(0.5)))
+    for x in range(width):
+        k = y * width + x
+        start = partner[k] + first
+        for d in range(0, stride, BLOCK):
+            cost = cost_vector(own_at, own_census_at, k, values_at, census_at, terms, planes, size, start + d, scale)
+            scaled = cost * splat(factor) + load(behind_at, d)
+            store(at, x * stride + d, to_uint16(minimum(scaled, largest)))
+
+
+@numba.njit(cache=True)
+def _add_beside(row, into, width, stride):  # type: ignore[no-untyped-def]
+    """into[x] = row[x - 1] + row[x] + row[x + 1], the borders replicated."""
+    at, to = pointer(row), pointer(into)
+    for x in range(width):
+        left, right = max(x - 1, 0) * stride, min(x + 1, width - 1) * stride
+        for o in range(0, stride, LANES):
+            store(to, x * stride + o, load(at, left + o) + load(at, x * stride + o) + load(at, right + o))
+
+
+@numba.njit(cache=True)
+def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore[no-untyped-def]
+    """Sum of the matching costs of the 3x3 pixels around each pixel of row y; rows must come from 0 on, one by one."""
+    for new in range(0 if y == 0 else y + 1, min(y + 2, height)):
+        _cost_row(source, new, width, stride, raw)
+        _add_beside(raw, ring[new % 3], width, stride)
+    above, here, below = pointer(ring[max(y - 1, 0) % 3]), pointer(ring[y % 3]), pointer(ring[(y + 1) % 3])
+    below = here if y == height - 1 else below
+    to = pointer(into)
+    for o in range(0, width * stride, LANES):
+        store(to, o, load(above, o) + load(here, o) + load(below, o))
+
+
+@numba.njit(cache=True)
+def _along_rows(cost, at, total, rows, width, stride, p1, p2, line):  # type: ignore[no-untyped-def]
+    """Paths from the left and from the right over a few rows of costs (from `at` on), summed into total."""
+    room = stride + 2 * LANES
+    chunks = stride // LANES
+    cost_at, total_at, line_at = pointer(cost), pointer(total), pointer(line)
+    low = np.zeros(rows, np.uint16)
+    for backwards in range(2):
+        _clear_line(line, rows, stride)
+        low[:] = 0
+        for step in range(width):
+            x = width - 1 - step if backwards else step
+            for r in range(rows):
+                here = (r * width + x) * stride
+                low[r] = _advance(line_at, r * room + LANES, cost_at, at + here, total_at, here, backwards == 1,
+                                  low[r], p1, p2, chunks)
+
+
+@numba.njit(cache=True)
+def _clear_line(line, pixels, stride):  # type: ignore[no-untyped-def]
+    """Zeros for `pixels` pixels, with a vector of large values before and after each."""
+    room = stride + 2 * LANES
+    for k in range(pixels):
+        line[k * room:(k + 1) * room] = LARGEST
+        line[k * room + LANES:k * room + LANES + stride] = 0
+
+
+@numba.njit(cache=True)
+def _fill_volume(source, height, width, stride, volume):  # type: ignore[no-untyped-def]
+    raw, ring = np.empty(width * stride, np.uint16), np.empty((3, width * stride), np.uint16)
+    for y in range(height):
+        into = volume[y * width * stride:(y + 1) * width * stride]
+        _box_row(source, y, height, width, stride, raw, ring, into)
+
+
+@numba.njit(cache=True)
+def _paths_from_below(volume, height, width, stride, p1, p2, line, into):  # type: ignore[no-untyped-def]
+    room, chunks = stride + 2 * LANES, stride // LANES
+    low = np.zeros(width, np.uint16)
+    _clear_line(line, width, stride)
+    line_at, volume_at, into_at = pointer(line), pointer(volume), pointer(into)
+    for y in range(height - 1, -1, -1):
+        for x in range(width):
+            here = (y * width + x) * stride
+            low[x] = _advance(line_at, x * room + LANES, volume_at, here, into_at, here, False, low[x], p1, p2, chunks)
+
+
+@numba.njit(cache=True)
+def _smooth_view(  # type: ignore[no-untyped-def]
+    source, volume, below, height, width, stride, disparities, p1, p2, line, rows_line, costs, total, barrier, winner,
+    vertex,
+):
+    """All paths of one view; winner int32 (N,), vertex float32 (N,) or empty.
+
+    source: what `_cost_row` needs. volume, below: uint16 (N * stride) aggregated costs and sums of the path from
+    below, or empty: then costs are computed row by row, or there is no such path. line, rows_line, costs, total:
+    scratch. barrier: uint16 (stride), 65535 behind the search range, else 0.
+    """
+    room, chunks = stride + 2 * LANES, stride // LANES
+    raw, ring = np.empty(width * stride, np.uint16), np.empty((3, width * stride), np.uint16)
+    low = np.zeros(width, np.uint16)
+    _clear_line(line, width, stride)
+    total_at, line_at, below_at, barrier_at = pointer(total), pointer(line), pointer(below), pointer(barrier)
+    stored, from_below, subpixel = volume.size > 0, below.size > 0, vertex.size > 0
+    for y in range(0, height, _ROWS):
+        rows = min(_ROWS, height - y)
+        if not stored:
+            for r in range(rows):
+                into = costs[r * width * stride:(r + 1) * width * stride]
+                _box_row(source, y + r, height, width, stride, raw, ring, into)
+        cost, at = (volume, y * width * stride) if stored else (costs, 0)
+        _along_rows(cost, at, total, rows, width, stride, p1, p2, rows_line)
+        cost_at = pointer(cost)
+        for r in range(rows):
+            for x in range(width):
+                here = (r * width + x) * stride
+                low[x] = _advance(line_at, x * room + LANES, cost_at, at + here, total_at, here, True, low[x], p1, p2,
+                                  chunks)
+            # A loop of its own: what was just stored is slow to load.
+            for x in range(width):
+                here, pixel = (r * width + x) * stride, (y + r) * width + x
+                lowest, d = _winner(total_at, here, below_at, pixel * stride, from_below, barrier_at, chunks)
+                winner[pixel] = d
+                if subpixel:
+                    offset = np.float32(0)
+                    if 0 < d < disparities - 1:
+                        offset = parabola(np.float32(total_at[here + d - 1]), np.float32(lowest),
+                                          np.float32(total_at[here + d + 1]))
+                    vertex[pixel] = offset
