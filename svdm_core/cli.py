@@ -7,6 +7,7 @@ import sys
 
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
+    'match': 'the disparity of one pair as a file, and a picture of it',
     'benchmark': 'time the presets beside OpenCV StereoBM and StereoSGBM',
     'warmup': 'compile the kernels into the cache, so that the first frame comes soon',
 }

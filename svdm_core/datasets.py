@@ -37,11 +37,11 @@ def middlebury_scenes(folder: Path) -> list[Path]:
 
 def read_middlebury_scene(folder: Path) -> StereoScene:
     """Read one scene. ValueError or FileNotFoundError name the file that is missing or wrong."""
-    left, right = _read_image(folder / 'im0.png'), _read_image(folder / 'im1.png')
+    left, right = read_image(folder / 'im0.png'), read_image(folder / 'im1.png')
     ndisp = re.search(r'^ndisp=(\d+)', (folder / 'calib.txt').read_text(), re.MULTILINE)
     if ndisp is None:
         raise ValueError(f'{folder / "calib.txt"}: no line ndisp=<number>')
-    nonocc = _read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
+    nonocc = read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
     return StereoScene(folder.name, left, right, read_pfm(folder / 'disp0.pfm'), nonocc, int(ndisp[1]))
 
 
@@ -62,8 +62,12 @@ def read_pfm(path: Path) -> Float32:
     return np.frombuffer(data, f'{order}f4').reshape(height, width)[::-1].astype(np.float32)
 
 
-def _read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    image = cv2.imread(str(path), flags)
+def read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
+    """An image as OpenCV's `flags` want it. ValueError where there is none, or only the beginning of a PNG."""
+    data = path.read_bytes() if path.is_file() else b''
+    if data.startswith(b'\x89PNG') and b'IEND' not in data[-12:]:  # OpenCV adds lines of its own to stderr
+        raise ValueError(f'{path}: a truncated PNG of {len(data)} bytes')
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     if image is None:
         raise ValueError(f'{path}: missing, or not an image')
     return image

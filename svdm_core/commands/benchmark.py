@@ -7,10 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-import cv2
-import numpy as np
-
 from .. import benchmark
+from ..datasets import read_image
 from ..presets import preset_names
 from .options import count
 
@@ -94,12 +92,7 @@ def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
 
 
 def _read_pair(left: Path, right: Path) -> benchmark.BenchmarkPair:
-    images = []
-    for path in (left, right):
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        if image is None:
-            raise ValueError(f'{path}: missing, or not an image')
-        images.append(np.asarray(image))
+    images = [read_image(path) for path in (left, right)]
     if images[0].shape != images[1].shape:
         raise ValueError(f'{left} and {right} have different sizes: {images[0].shape[:2]} and {images[1].shape[:2]}')
     return benchmark.BenchmarkPair(images[0], images[1])

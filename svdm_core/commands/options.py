@@ -2,6 +2,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..parameters import MatcherParameters, parameter_info
+from ..presets import load_preset
 
 
 def count(text: str) -> int:
@@ -9,3 +14,45 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be an integer from 1 up')
     return int(text)
+
+
+def add_parameter_options(parser: argparse.ArgumentParser) -> None:
+    """--preset or --params, and --set."""
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument('--preset', default='default', metavar='P', help='preset by name, or a .yaml file (default)')
+    source.add_argument('--params', type=Path, metavar='FILE', help='parameter file, as ros2 takes it')
+    parser.add_argument('--set', nargs='+', action='extend', default=[], dest='changes', metavar='NAME=VALUE',
+                        help='change parameters of it, checked by the table of parameters')
+
+
+def add_threads_option(parser: argparse.ArgumentParser) -> None:
+    """--threads."""
+    parser.add_argument('--threads', type=count, default=0, metavar='N', help='threads (one a processor)')
+
+
+def parameters_of(options: argparse.Namespace) -> MatcherParameters:
+    """What --preset or --params, and --set say. ValueError names parameter, value and what is allowed."""
+    return load_preset(options.params or options.preset).replace(**parse_changes(options.changes))
+
+
+def parse_changes(changes: Sequence[str]) -> dict[str, bool | int | float | str]:
+    """'name=value' texts as checked values by name; ValueError where one is not of that form or not allowed."""
+    values = {}
+    for change in changes:
+        name, equals, text = change.partition('=')
+        if not equals:
+            raise ValueError(f'--set {change} is not allowed: write it as name=value')
+        values[name] = parameter_info(name).check(_typed(text, parameter_info(name).type))
+    return values
+
+
+def _typed(text: str, wanted: type) -> bool | int | float | str:
+    """`text` as `wanted` where it can be read so, else as it is, for the table to refuse."""
+    if wanted is bool:
+        return {'true': True, 'false': False}.get(text.lower(), text)
+    if wanted is str:
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        return text

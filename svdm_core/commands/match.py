@@ -1,0 +1,53 @@
+"""`svdm match`: the disparity of one pair as a file, and a picture of it."""
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..colour_maps import DISPARITY_COLOURS, colour_map, shown_range
+from ..datasets import read_image
+from ..disparity_files import check_suffix, encode_disparity, encode_png
+from ..matcher import StereoMatcher
+from ..output_files import check_outputs, write_outputs
+from .options import add_parameter_options, add_threads_option, parameters_of
+
+_AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The pair, the parameters, and what is written."""
+    parser.add_argument('left', type=Path, metavar='LEFT', help='left image, rectified, 8 or 16 bit, grey or colour')
+    parser.add_argument('right', type=Path, metavar='RIGHT', help='right image, of the same size and kind')
+    add_parameter_options(parser)
+    add_threads_option(parser)
+    parser.add_argument('-o', '--output', type=Path, default=Path('disparity.pfm'), metavar='OUT',
+                        help='.pfm, .npy, or .png of 16 bit: disparity x 256, 0 is unknown (disparity.pfm)')
+    parser.add_argument('--preview', type=Path, metavar='PNG', help='picture in colour (OUT_preview.png)')
+    parser.add_argument('--valid-only', action='store_true',
+                        help='leave unknown what fails the left-right check (filled without this)')
+    parser.add_argument('--force', action='store_true', help='overwrite files that exist')
+
+
+def run(options: argparse.Namespace) -> int:
+    """Match, write, and say what was written; 0."""
+    output = options.output
+    check_suffix(output)
+    preview = options.preview or output.with_name(f'{output.stem}_preview.png')
+    if preview.suffix.lower() != '.png':
+        raise ValueError(f'{preview}: the suffix {preview.suffix!r} is not allowed: a preview is a .png')
+    check_outputs((output, preview), options.force)
+    matcher = StereoMatcher(parameters_of(options), options.threads)
+    result = matcher.compute(*(read_image(path, _AS_IT_IS) for path in (options.left, options.right)))
+    disparity = result.disparity
+    if options.valid_only:
+        disparity = np.where(result.valid, disparity, np.float32(np.inf))
+    low, high = shown_range(disparity)
+    picture = colour_map(disparity, low, high, DISPARITY_COLOURS, unknown=(0, 0, 0))
+    write_outputs({output: encode_disparity(disparity, output), preview: encode_png(picture)}, options.force)
+    print(f'{output}: {disparity.shape[1]} x {disparity.shape[0]} px, {100 * result.valid.mean():.1f} % passed the '
+          'left-right check')
+    print(f'{preview}: {low:g} px blue to {high:g} px red')
+    return 0
