@@ -17,6 +17,7 @@ setup(
     license=manifest.findtext('license'),
     python_requires='>=3.12',
     packages=find_packages(include=['svdm_core', 'svdm_core.*', 'svdm_ros', 'svdm_ros.*']),
+    package_data={'svdm_core': ['templates/*.jinja']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
@@ -24,7 +25,7 @@ setup(
         (f'share/{name}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest'], 'cli': ['rich', 'scikit-image', 'matplotlib']},
+    extras_require={'test': ['pytest'], 'cli': ['rich', 'jinja2', 'scikit-image', 'matplotlib']},
     zip_safe=False,
     entry_points={
         'console_scripts': [

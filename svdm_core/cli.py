@@ -8,6 +8,7 @@ import sys
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
     'match': 'the disparity of one pair as a file, and a picture of it',
+    'evaluate': 'svdm and OpenCV over the scenes of Middlebury or KITTI: a table, JSON, an HTML page',
     'benchmark': 'time the presets beside OpenCV StereoBM and StereoSGBM',
     'warmup': 'compile the kernels into the cache, so that the first frame comes soon',
 }

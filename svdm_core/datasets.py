@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from pathlib import Path
 
@@ -14,9 +15,17 @@ from .arrays import Bool, Float32, Image
 MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)
 
 
+# Names of the ground truth: here, and in the archives of the Middlebury evaluation.
+_TRUTH_NAMES = ('disp0.pfm', 'disp0GT.pfm')
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class StereoScene:
-    """left, right: uint8 BGR (H, W, 3); ground_truth: float32 (H, W) px, inf unknown; nonocc: bool (H, W)."""
+    """left, right: uint8, BGR (H, W, 3) or grey (H, W); ground_truth: float32 (H, W) px, not finite where unknown;
+    nonocc: bool (H, W), True where the right image sees it too; num_disparities: what has to be searched, px.
+
+    Raises ValueError where sizes differ, where no ground truth is known, or where it cannot be disparities.
+    """
 
     name: str
     left: Image
@@ -25,9 +34,32 @@ class StereoScene:
     nonocc: Bool
     num_disparities: int
 
+    def __post_init__(self) -> None:
+        sizes = {'left image': self.left, 'right image': self.right, 'ground truth': self.ground_truth,
+                 'mask': self.nonocc}
+        if len({image.shape[:2] for image in sizes.values()}) > 1:
+            told = ', '.join(f'{what} {image.shape[1]} x {image.shape[0]}' for what, image in sizes.items())
+            raise ValueError(f'{self.name}: the sizes differ: {told}')
+        known = self.ground_truth[np.isfinite(self.ground_truth)]
+        if not (np.isfinite(self.ground_truth) & self.nonocc).any():
+            raise ValueError(f'{self.name}: no visible pixel has known ground truth')
+        width = self.left.shape[1]
+        # Numbers read in the wrong byte order are huge, negative or below the smallest normal number.
+        tiny = (known != 0) & (np.abs(known) < np.finfo(np.float32).tiny)
+        if known.min() < 0 or known.max() > width or tiny.any():
+            raise ValueError(f'{self.name}: ground truth from {known.min():g} to {known.max():g} px, not within the '
+                             f'{width} px of the image: wrong byte order?')
+
+    def grey(self) -> StereoScene:
+        """The scene without colour."""
+        if self.left.ndim == 2:
+            return self
+        left, right = (np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)) for image in (self.left, self.right))
+        return dataclasses.replace(self, left=left, right=right)
+
 
 def middlebury_scenes(folder: Path) -> list[Path]:
-    """The scene folders (those with an im0.png) below `folder`. ValueError where there is none."""
+    """The scene folders (those with an im0.png) right below `folder`. ValueError where there is none."""
     scenes = sorted(path.parent for path in folder.glob('*/im0.png'))
     if not scenes:
         raise ValueError(f'{folder}: no scene in it; expected folders with im0.png, im1.png, disp0.pfm, '
@@ -38,11 +70,14 @@ def middlebury_scenes(folder: Path) -> list[Path]:
 def read_middlebury_scene(folder: Path) -> StereoScene:
     """Read one scene. ValueError or FileNotFoundError name the file that is missing or wrong."""
     left, right = read_image(folder / 'im0.png'), read_image(folder / 'im1.png')
-    ndisp = re.search(r'^ndisp=(\d+)', (folder / 'calib.txt').read_text(), re.MULTILINE)
-    if ndisp is None:
+    ndisp = re.search(r'^ndisp=(\d+)', (folder / 'calib.txt').read_text(errors='replace'), re.MULTILINE)
+    if ndisp is None or not int(ndisp[1]):
         raise ValueError(f'{folder / "calib.txt"}: no line ndisp=<number>')
     nonocc = read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
-    return StereoScene(folder.name, left, right, read_pfm(folder / 'disp0.pfm'), nonocc, int(ndisp[1]))
+    truths = [folder / name for name in _TRUTH_NAMES if (folder / name).is_file()]
+    if not truths:
+        raise FileNotFoundError(f'{folder}: no {" nor ".join(_TRUTH_NAMES)} in it')
+    return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, int(ndisp[1]))
 
 
 def read_pfm(path: Path) -> Float32:
@@ -57,6 +92,8 @@ def read_pfm(path: Path) -> Float32:
         raise ValueError(f'{path}: not a PFM file') from None
     if kind != b'Pf':
         raise ValueError(f'{path}: a PFM of kind {kind.decode(errors="replace")!r}; one channel, Pf, is expected')
+    if min(width, height) < 1 or not math.isfinite(float(scale)) or not float(scale):
+        raise ValueError(f'{path}: a PFM of {width} x {height} pixels with scale {scale.decode(errors="replace")}')
     if len(data) != 4 * width * height:
         raise ValueError(f'{path}: {len(data)} bytes of data where {width} x {height} pixels take {4 * width * height}')
     return np.frombuffer(data, f'{order}f4').reshape(height, width)[::-1].astype(np.float32)

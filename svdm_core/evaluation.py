@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from .arrays import Bool
 
-BAD_THRESHOLDS = (0.5, 1.0, 2.0, 4.0)
+BAD_THRESHOLDS = (0.5, 1.0, 2.0, 3.0, 4.0)  # 3 is KITTI's, the others Middlebury's
 QUANTILES = (50, 90, 95, 99)
+METRICS = ('avgerr', 'rms', *(f'bad{threshold:g}' for threshold in BAD_THRESHOLDS),
+           *(f'a{percent}' for percent in QUANTILES), 'density')
 
 
 def error_metrics(

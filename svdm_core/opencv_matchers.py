@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .arrays import Float32, Image
+from .arrays import Bool, Float32, Image
 from .disparity_refinement import fill_along_scanlines
 
 OPENCV_METHODS = ('bm', 'sgbm-3way', 'sgbm-hh4', 'sgbm-hh')
@@ -50,8 +50,22 @@ class OpenCVMatcher:
 
         Padded on the left, so that no column is lost, and filled along the scanlines.
         """
+        return self.compute_filled(left, right)[0]
+
+    def compute_filled(self, left: Image, right: Image) -> tuple[Float32, Bool]:
+        """The map of `compute_dense`, and bool (H, W): where OpenCV had an answer of its own."""
         margin = self.num_disparities
         padded = (cv2.copyMakeBorder(image, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for image in (left, right))
         disparity = self.compute(*padded)[:, margin:]
         steps = np.rint(disparity * _FRACTION).astype(np.int32)
-        return np.maximum(fill_along_scanlines(steps, disparity >= 0), 0).astype(np.float32) / np.float32(_FRACTION)
+        answered = disparity >= 0
+        dense = np.maximum(fill_along_scanlines(steps, answered), 0).astype(np.float32) / np.float32(_FRACTION)
+        return dense, answered
+
+
+def settings_of(method: str) -> str:
+    """The settings of one of OPENCV_METHODS in words."""
+    if method == 'bm':
+        return f'StereoBM, block {_BM_BLOCK}'
+    return (f'StereoSGBM, block {_SGBM_BLOCK}, P1 = 8 C b^2, P2 = 32 C b^2 (C channels, b block), uniqueness 10 %, '
+            'speckles below 100 px with range 2')

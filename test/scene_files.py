@@ -3,9 +3,17 @@ import cv2
 import numpy as np
 from scenes import shifted_wall
 
+from svdm_core import cli
+
 SHIFT = 6
 SIZE = (40, 90)
 OCCLUDED = np.s_[:, :SHIFT]  # the columns that the right image does not show
+EXACT = {'subpixel': False, 'sigma_tree': 10.0}  # finds the walls without any error
+KITTI = {
+    'KITTI 2015': ('image_2', 'image_3', 'disp_noc_0', 'disp_occ_0'),
+    'KITTI 2012': ('colored_0', 'colored_1', 'disp_noc', 'disp_occ'),
+    'KITTI 2012 grey': ('image_0', 'image_1', 'disp_noc', 'disp_occ'),
+}
 
 
 def write_pfm(path, values, scale=-1.0):
@@ -18,6 +26,14 @@ def wall_truth(value=float(SHIFT)):
     """Known everywhere but in the last row."""
     truth = np.full(SIZE, value, np.float32)
     truth[-1] = np.inf
+    return truth
+
+
+def truth_off(visible, occluded):
+    """The wall's truth, off by `visible` px in one column that both views show and by `occluded` px in another."""
+    truth = wall_truth()
+    truth[:-1, 50] += visible
+    truth[:-1, 2] += occluded
     return truth
 
 
@@ -52,3 +68,9 @@ def write_kitti(folder, left, right, nonocc, everywhere, name='000000_10', truth
 def files_of(folder):
     """Everything below `folder` with its content, to see that nothing has changed."""
     return {path: path.read_bytes() for path in folder.rglob('*') if path.is_file()}
+
+
+def evaluate(folder, *arguments):
+    """`svdm evaluate` with the settings that find the walls; its exit code."""
+    settings = [f'{name}={value}' for name, value in EXACT.items()]
+    return cli.main(['evaluate', str(folder), '--set', *settings, '--threads', '1', *map(str, arguments)])

@@ -182,6 +182,7 @@ def prefix(tmp_path_factory) -> Path:
     'share/svdm_ros/config/fastdds.xml',
     *(f'share/svdm_ros/config/{preset}' for preset in PRESETS),
     'share/svdm_ros/launch/disparity.launch.py',
+    'lib/python3.12/site-packages/svdm_core/templates/evaluation.html.jinja',
     *(f'share/svdm_ros/hook/ament_prefix_path.{kind}' for kind in ('dsv', 'sh')),
 ])
 def test_colcon_installs(prefix, path):

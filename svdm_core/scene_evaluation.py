@@ -1,0 +1,167 @@
+"""Runs matchers over scenes and judges what they give."""
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from .arrays import Bool, Float32
+from .datasets import StereoScene
+from .evaluation import METRICS, error_metrics, weighted_average
+from .matcher import StereoMatcher
+from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher, settings_of
+from .parameters import MatcherParameters
+
+OWN_METHOD = 'svdm'
+METHODS = (OWN_METHOD, *OPENCV_METHODS)
+REGIONS = ('nonocc', 'all')
+SCENE_METRICS = (*METRICS, 'valid')  # each of them for each region
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class JudgedScene:
+    """disparity: float32 (H, W), px, dense. figures: '<metric>_<region>' as in `judge`, time_ms, num_disparities."""
+
+    disparity: Float32
+    figures: dict[str, float]
+
+
+class Contender:
+    """One of METHODS, to be run over scenes of any size.
+
+    parameters: those of svdm. num_disparities: searched in every scene, px; None takes what the scene says.
+    threads: 0 for one a processor. ValueError where `method` is unknown.
+    """
+
+    def __init__(
+        self, method: str, parameters: MatcherParameters, num_disparities: int | None = None, threads: int = 0
+    ) -> None:
+        if method not in METHODS:
+            raise ValueError(f'method {method!r} is not allowed: it must be {" | ".join(METHODS)}')
+        self.method = method
+        self._parameters = parameters
+        self._num_disparities = num_disparities
+        self._threads = threads
+        self._own = StereoMatcher(parameters, threads)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What it runs with; without num_disparities where that comes from the scene."""
+        if self.method != OWN_METHOD:
+            return {'opencv': cv2.__version__, 'settings': settings_of(self.method)}
+        given = self._parameters.as_dict()
+        if self._num_disparities is None:
+            del given['num_disparities']
+        return given
+
+    def warm_up(self) -> None:
+        """Compile the kernels for grey and for colour, so that the first scene takes as long as the others."""
+        if self.method == OWN_METHOD:
+            self._own.parameters = self._parameters.replace(min_disparity=0, num_disparities=2)
+            for shape in ((8, 12), (8, 12, 3)):
+                self._own.compute(np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
+
+    def judge(self, scene: StereoScene, factor: float) -> JudgedScene:
+        """Match `scene` and judge the dense map. factor: full-resolution px per px of its images.
+
+        Figures: METRICS for nonocc (pixels that both views see) and all, over known ground truth; valid, the % of
+        these pixels that the matcher itself vouches for before it fills (left-right check; OpenCV's own answer).
+        time_ms is of this one frame, filling included. Raises ValueError where the method cannot match the scene.
+        """
+        num_disparities = self._num_disparities or scene.num_disparities
+        start = time.perf_counter()
+        try:
+            disparity, valid = self._match(scene, num_disparities)
+        except cv2.error as error:
+            raise ValueError(f'{scene.name}: {self.method} cannot match it: {error.err}') from None
+        milliseconds = 1e3 * (time.perf_counter() - start)
+        figures = scene_figures(disparity, valid, scene, factor)
+        return JudgedScene(disparity, {**figures, 'time_ms': milliseconds, 'num_disparities': num_disparities})
+
+    def _match(self, scene: StereoScene, num_disparities: int) -> tuple[Float32, Bool]:
+        if self.method == OWN_METHOD:
+            self._own.parameters = self._parameters.replace(num_disparities=num_disparities)
+            result = self._own.compute(scene.left, scene.right)
+            return result.disparity, result.valid
+        cv2.setNumThreads(self._threads or -1)  # -1 is OpenCV's own choice; 0 would be one thread
+        channels = 1 if scene.left.ndim == 2 else scene.left.shape[2]
+        return OpenCVMatcher(self.method, num_disparities, channels).compute_filled(scene.left, scene.right)
+
+
+def scene_figures(disparity: Float32, valid: Bool, scene: StereoScene, factor: float) -> dict[str, float]:
+    """'<metric>_<region>' -> value, as in `Contender.judge`. disparity, valid: (H, W)."""
+    figures = {}
+    for region, mask in (('nonocc', scene.nonocc), ('all', np.ones_like(scene.nonocc))):
+        known = mask & np.isfinite(scene.ground_truth)
+        metrics = error_metrics(disparity, scene.ground_truth, mask, factor)
+        metrics['valid'] = 100 * float(valid[known].mean())
+        figures.update({f'{name}_{region}': metrics[name] for name in SCENE_METRICS})
+    return figures
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Evaluation:
+    """figures: method -> scene -> figures of the scenes that all methods matched; failures: a line for each other."""
+
+    figures: dict[str, dict[str, dict[str, float]]]
+    failures: list[str]
+
+
+def evaluate(
+    scenes: Mapping[str, Callable[[], StereoScene]],
+    contenders: Sequence[Contender],
+    factor: float,
+    tell: Callable[[str], None] = lambda _: None,
+    on_scene: Callable[[StereoScene, Mapping[str, JudgedScene]], None] = lambda _scene, _judged: None,
+) -> Evaluation:
+    """Run every contender over every scene. scenes: name -> what reads it. factor: as in `Contender.judge`.
+
+    `tell` is given each scene's name before it is read, `on_scene` each scene with what was made of it. Raises
+    ValueError where no scene is left, and where a figure is not a number.
+    """
+    result = Evaluation({contender.method: {} for contender in contenders}, [])
+    for contender in contenders:
+        contender.warm_up()
+    for name, read in scenes.items():
+        tell(name)
+        try:
+            scene = read()
+            judged = {contender.method: contender.judge(scene, factor) for contender in contenders}
+        except (ValueError, OSError) as error:
+            result.failures.append(str(error))
+            continue
+        for method, one in judged.items():
+            _check_numbers(f'{method} on {name}', one.figures)
+            result.figures[method][name] = one.figures
+        on_scene(scene, judged)
+    if len(result.failures) == len(scenes):
+        more = f' (and none of the other {len(scenes) - 1} scenes could be evaluated)' if len(scenes) > 1 else ''
+        raise ValueError(f'{result.failures[0]}{more}')
+    return result
+
+
+def summary(scenes: Mapping[str, Mapping[str, float]], weights: Mapping[str, float]) -> dict[str, Any]:
+    """{'scenes': the figures, 'weighted': their average}; num_disparities is not averaged."""
+    weighted = weighted_average(scenes, weights)
+    del weighted['num_disparities']
+    return {'scenes': {name: dict(figures) for name, figures in scenes.items()}, 'weighted': weighted}
+
+
+def _check_numbers(what: str, figures: Mapping[str, float]) -> None:
+    for name, value in figures.items():
+        if not math.isfinite(value):
+            raise ValueError(f'{what}: {name} is {value}; nothing was written')
+
+
+def parse_methods(texts: Sequence[str]) -> list[str]:
+    """Methods given one by one or separated by commas, each once. ValueError names an unknown one."""
+    names = list(dict.fromkeys(name.strip() for text in texts for name in text.split(',')))
+    for name in names:
+        if name not in METHODS:
+            raise ValueError(f'method {name!r} is not allowed: it must be {" | ".join(METHODS)}')
+    return names
