@@ -13,7 +13,7 @@ import numpy as np
 
 from .arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
 from .disparity_optimization import Winners, take_smallest
-from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes
+from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes, gather_pixels
 from .parameters import MatcherParameters
 from .spanning_forest import SpanningTrees
 from .vectors import load, minimum, pointer, splat, store, to_uint16
@@ -42,8 +42,7 @@ class ForestNodes:
 
     def gather_pixels(self, planes: MatchingPlanes, width: int) -> None:
         """From the planes alone, W = width: the nodes in the order of the pixels, without a tree."""
-        pixel = np.tile(np.arange(self.partner.shape[1], dtype=np.int32), (2, 1))
-        gather_nodes(planes.values, planes.census, pixel, width, self.partner, self.own, self.own_census)
+        gather_pixels(planes.values, planes.census, width, self.partner, self.own, self.own_census)
 
     def gather(self, trees: SpanningTrees, planes: MatchingPlanes, width: int, parameters: MatcherParameters) -> None:
         """From the trees and the planes of a pair, W = width."""

@@ -12,13 +12,13 @@ import cv2
 import numba
 import numpy as np
 
-from .arrays import Bool, Float32, Image, Int32, Uint8
+from .arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
 from .cost_aggregation import ForestNodes, aggregate, aggregate_volume
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
 from .matching_cost import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
-from .semiglobal_optimization import cost_factor, padded, semiglobal_winners
+from .semiglobal_optimization import cost_factor, padded, scratch_size, semiglobal_winners
 from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
@@ -117,7 +117,8 @@ class StereoMatcher:
             aggregate_volume(trees, nodes, planes, parameters, buffers.scratch, cost_factor(parameters),
                              padded(parameters.num_disparities), buffers.volume)
         with clock.stage('disparity_optimization'):
-            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below)
+            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below,
+                                      buffers.lines)
 
     def _in_boxes(
         self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
@@ -128,7 +129,7 @@ class StereoMatcher:
             buffers.nodes.gather_pixels(buffers.planes, left.shape[1])
         with clock.stage('disparity_optimization'):
             return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume,
-                                      buffers.below)
+                                      buffers.below, buffers.lines)
 
     def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
@@ -192,10 +193,12 @@ class _Buffers:
         self.planes = MatchingPlanes.empty(layout.shape, end, layout.census)
         self.trees = SpanningTrees.empty(layout.shape if layout.tree else (0, 0))
         self.nodes = ForestNodes.empty(self.planes, nodes)
-        self.scratch = np.zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
+        self.scratch = aligned_zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
         self.winners = Winners.empty(layout.slots, tree_nodes)
-        self.volume = np.empty((2, nodes * stride if layout.volume else 0), np.uint16)
-        self.below = np.empty((2, nodes * stride if layout.from_below else 0), np.uint16)
+        self.volume = aligned_zeros((2, nodes * stride if layout.volume else 0), np.uint16)
+        rows = 0 if layout.tree and not layout.volume else scratch_size(layout.shape[1], layout.num_disparities)
+        self.lines = aligned_zeros((2, rows), np.uint16)
+        self.below = aligned_zeros((2, nodes * stride if layout.from_below else 0), np.uint16)
 
 
 class _StageClock:

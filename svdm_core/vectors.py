@@ -129,6 +129,24 @@ _overload_operator(operator.xor, '', 'xor')
 _overload_operator(operator.or_, '', 'or_')
 
 
+def _shuffle(first_lane: Callable[[int], int], meaning: str) -> Any:
+    """Makes f(a, b): as many lanes as one has, from a and b joined, starting with `first_lane(lanes)`."""
+    @_intrinsic
+    def shuffle(_: Any, a: Any, b: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            lanes = [first_lane(a.lanes) + k for k in range(a.lanes)]
+            return builder.shuffle_vector(*arguments, ir.Constant(ir.VectorType(ir.IntType(32), a.lanes), lanes))
+
+        return a(a, b), generate
+
+    shuffle.__doc__ = meaning
+    return shuffle
+
+
+lower_neighbours = _shuffle(lambda lanes: lanes - 1, 'f(before, a): the lane below each lane of a.')
+upper_neighbours = _shuffle(lambda lanes: 1, 'f(a, after): the lane above each lane of a.')
+
+
 @_intrinsic
 def minimum(_: Any, a: Any, b: Any) -> Any:
     """The smaller of each two lanes."""
