@@ -247,6 +247,17 @@ def smallest(_: Any, a: Any) -> Any:
     return result(a), generate
 
 
+@_intrinsic
+def lane_sum(_: Any, a: Any) -> Any:
+    """The sum of all lanes of floats, in an order that the processor may choose."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.FunctionType(ir.FloatType(), [ir.FloatType(), a.as_llvm()])
+        add = cgutils.get_or_insert_function(builder.module, kind, f'llvm.vector.reduce.fadd.v{a.lanes}f32')
+        return builder.call(add, [ir.Constant(ir.FloatType(), 0.0), arguments[0]], fastmath=('reassoc',))
+
+    return a.element(a), generate
+
+
 def _least(builder: Any, vector: Any, order: str) -> Any:
     kind = vector.type
     suffix = f'v{kind.count}i{kind.element.width}'
