@@ -81,7 +81,7 @@ def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, dispa
 
 
 def test_the_volume_after_the_tree_is_divided_by_the_support_and_scaled():
-    parameters = MatcherParameters(num_disparities=20, p2=0.3, tau_ad=0.5)
+    parameters = MatcherParameters(num_disparities=20, p2=0.3, tau_ad=0.5, census_weight=0.0)
     left, right = noise(5, 25), noise(5, 25, seed=1)
     stages = Stages(left, right, parameters, slots=2)
     ones = np.stack([oracles.support(stages.trees.parent[view], stages.trees.weight[view], parameters.sigma_tree,
