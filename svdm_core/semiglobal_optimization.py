@@ -17,11 +17,14 @@ from .cost_aggregation import ForestNodes
 from .matching_cost import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
 from .parameters import MatcherParameters
 from .vectors import (
+    count_ones,
     first_equal,
+    half_splat,
     least,
     load,
     lower_neighbours,
     minimum,
+    narrow,
     pointer,
     splat,
     store,
@@ -52,8 +55,11 @@ def scratch_size(width: int, num_disparities: int) -> int:
 
 def cost_factor(parameters: MatcherParameters) -> float:
     """What the costs of `cost_vector` are multiplied by: a pixel's aggregated cost and P2 together stay in 14 bits."""
-    largest = float(cost_scale(parameters)[4]) + parameters.p2 * INTENSITY
-    return (LARGEST - 2 * _summed(parameters)) / (_summed(parameters) * max(largest, 1.0))
+    *_, bit, largest = map(float, cost_scale(parameters))
+    factor = (LARGEST - 2 * _summed(parameters)) / (_summed(parameters) * max(largest + parameters.p2 * INTENSITY, 1.0))
+    if cost_terms(parameters) == (False, True) and bit * factor >= 1:
+        return int(bit * factor) / bit  # a whole number for each bit: `_cost_row` need not round
+    return factor
 
 
 def semiglobal_winners(
@@ -98,7 +104,7 @@ def _smooth(
     behind[disparities:] = 1e9
     for view in numba.prange(2):
         source = (own[view], own_census[view], partner[view], values[1 - view], census[1 - view], planes, size, scale,
-                  terms, first, behind, factor)
+                  terms, first, disparities, behind, factor)
         room, row = stride + 2 * LANES, width * stride
         line, rest = scratch[view, :width * room], scratch[view, width * room:]
         rows_line, rest = rest[:_ROWS * room], rest[_ROWS * room:]
@@ -155,16 +161,23 @@ def _winner(total, there, more, at, from_below, barrier, chunks):  # type: ignor
 
 
 @numba.njit(cache=True)
-def _cost_row(source, y, width, stride, into):  # type: ignore[no-untyped-def]
+def _cost_row(source, y, height, width, stride, into):  # type: ignore[no-untyped-def]
     """Matching costs of row y, scaled, into uint16 (width * stride); behind the search range the largest."""
-    own, own_census, partner, values, census, planes, size, scale, terms, first, behind, factor = source
+    own, own_census, partner, values, census, planes, size, scale, terms, first, disparities, behind, factor = source
     own_at, own_census_at, values_at, census_at, at, behind_at = (
         pointer(own), pointer(own_census), pointer(values), pointer(census), pointer(into), pointer(behind))
     largest = splat(np.float32(scale[4] * factor + np.float32(0.5)))
+    bit = np.uint16(scale[3] * factor + np.float32(0.5)) if terms[1] and not terms[0] else np.uint16(0)
+    pitch = size // height
     for x in range(width):
         k = y * width + x
         start = partner[k] + first
-        for d in range(0, stride, BLOCK):
+        inside = min(disparities, width - (start - y * pitch)) if bit > 0 else 0
+        whole = max(inside, 0) // BLOCK * BLOCK
+        own_bits = splat(own_census[k]) if bit > 0 else splat(np.uint64(0))
+        for d in range(0, whole, BLOCK):  # nothing but census, and all partners in the image: whole numbers
+            store(at, x * stride + d, narrow(count_ones(own_bits ^ load(census_at, start + d))) * half_splat(bit))
+        for d in range(whole, stride, BLOCK):
             cost = cost_vector(own_at, own_census_at, k, values_at, census_at, terms, planes, size, start + d, scale)
             scaled = cost * splat(factor) + load(behind_at, d)
             store(at, x * stride + d, to_uint16(minimum(scaled, largest)))
@@ -184,7 +197,7 @@ def _add_beside(row, into, width, stride):  # type: ignore[no-untyped-def]
 def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore[no-untyped-def]
     """Sum of the matching costs of the 3x3 pixels around each pixel of row y; rows must come from 0 on, one by one."""
     for new in range(0 if y == 0 else y + 1, min(y + 2, height)):
-        _cost_row(source, new, width, stride, raw)
+        _cost_row(source, new, height, width, stride, raw)
         _add_beside(raw, ring[new % 3], width, stride)
     above, here, below = pointer(ring[max(y - 1, 0) % 3]), pointer(ring[y % 3]), pointer(ring[(y + 1) % 3])
     below = here if y == height - 1 else below

@@ -99,6 +99,17 @@ def splat(_: Any, value: Any) -> Any:
     return vector(value), generate
 
 
+@_intrinsic
+def half_splat(_: Any, value: Any) -> Any:
+    """`splat` of a uint16 to as many lanes as `to_uint16` and `narrow` give."""
+    vector = Vector(value, _LANES[types.float32])
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _splat(builder, arguments[0], vector.as_llvm())
+
+    return vector(value), generate
+
+
 def _splat(builder: Any, value: Any, kind: ir.VectorType) -> Any:
     nothing = ir.Constant(kind, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
@@ -212,6 +223,17 @@ def to_uint16(_: Any, a: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         whole = builder.fptosi(arguments[0], ir.VectorType(ir.IntType(32), a.lanes))
         return builder.trunc(whole, vector.as_llvm())
+
+    return vector(a), generate
+
+
+@_intrinsic
+def narrow(_: Any, a: Any) -> Any:
+    """Integers below 2^16 as uint16."""
+    vector = Vector(types.uint16, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.trunc(arguments[0], vector.as_llvm())
 
     return vector(a), generate
 
