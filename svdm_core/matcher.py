@@ -104,7 +104,9 @@ class StereoMatcher:
         shape = left.shape[:2]
         trees, nodes, planes = buffers.trees, buffers.nodes, buffers.planes
         with clock.stage('spanning_forest'):
-            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1])
+            # The costs are not needed yet; what is left there, small integers, are finite floats.
+            scratch = buffers.scratch[:, 0].view(np.int32)
+            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1], scratch)
         with clock.stage('matching_cost'):
             planes.fill(left, right, parameters.gradient)
             nodes.gather(trees, planes, shape[1], parameters)
@@ -156,6 +158,7 @@ class _Layout:
     min_disparity: int
     num_disparities: int
     census: bool
+    subpixel: bool
     slots: int
     tree: bool
     volume: bool
@@ -166,9 +169,9 @@ class _Layout:
         """The layout for images of `shape`."""
         tree, smooth = parameters.aggregation == 'tree', parameters.p2 > 0
         from_below = smooth and parameters.paths == 4
+        slots = _slots(shape[0] * shape[1], parameters.num_disparities)
         return cls(shape, parameters.min_disparity, parameters.num_disparities, parameters.census_weight > 0,
-                   _slots(shape[0] * shape[1], parameters.num_disparities), tree, (tree and smooth) or from_below,
-                   from_below)
+                   parameters.subpixel, slots, tree, (tree and smooth) or from_below, from_below)
 
     @property
     def per_slot(self) -> int:
@@ -194,7 +197,7 @@ class _Buffers:
         self.trees = SpanningTrees.empty(layout.shape if layout.tree else (0, 0))
         self.nodes = ForestNodes.empty(self.planes, nodes)
         self.scratch = aligned_zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
-        self.winners = Winners.empty(layout.slots, tree_nodes)
+        self.winners = Winners.empty(layout.slots, 0 if layout.volume else tree_nodes, layout.subpixel)
         self.volume = aligned_zeros((2, nodes * stride if layout.volume else 0), np.uint16)
         rows = 0 if layout.tree and not layout.volume else scratch_size(layout.shape[1], layout.num_disparities)
         self.lines = aligned_zeros((2, rows), np.uint16)
