@@ -142,7 +142,7 @@ class MatcherParameters:
         'image', 'what sigma_c compares (eq 17): the left image, or the disparity over num_disparities',
         choices=('image', 'disparity'))
     w_p: int = _parameter(
-        25, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
+        21, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
     sigma_s: float = _parameter(
         14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
     sigma_c: float = _parameter(
