@@ -1,0 +1,1 @@
+"""The commands of `svdm`, a module each: `add_arguments(parser)` and `run(options)`."""
