@@ -24,7 +24,11 @@ setup(
         (f'share/{name}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest'], 'cli': ['rich', 'scikit-image', 'matplotlib']},
+    extras_require={
+        'test': ['pytest'],
+        'cli': ['rich', 'scikit-image', 'matplotlib'],
+        'tune': ['optuna', 'matplotlib', 'jinja2', 'rich'],
+    },
     zip_safe=False,
     entry_points={
         'console_scripts': [
