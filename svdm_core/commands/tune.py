@@ -3,9 +3,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..datasets import middlebury_scenes, read_middlebury_scene
 from ..optimization import FIGURES, Evaluator, joint_search, one_at_a_time
@@ -13,6 +15,9 @@ from ..output_files import check_outputs, write_whole
 from ..presets import load_preset, preset_text
 from ..tuning_ranges import ParameterRange, once_each, paper_ranges, parse_range, parse_setting
 from ..tuning_store import FigureStore
+
+if TYPE_CHECKING:
+    from .. import tuning_report  # needs rich
 
 _EPILOG = '''Without --search the parameters are varied one after the other, each from the best so far. A parameter may
 be given twice, coarse and then fine.'''
@@ -42,42 +47,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Tune, print a table, write what was asked for. ValueError, OSError or ImportError with one line."""
-    try:
-        from .. import tuning_report
-        if options.html:
-            from .. import tuning_page
-    except ImportError as error:
-        raise ImportError(f"{error.name} is not installed, of the extra 'tune'") from None
     _check(options)
+    study = _study(options)
+    from .. import tuning_report
+
+    tuning_report.print_table(study)
+    print(f'{study.evaluate.maps} maps were computed')
+    if options.json:
+        write_whole(options.json, json.dumps(tuning_report.document(study), indent=1) + '\n', options.force)
+    if options.html:
+        from .. import tuning_page
+        write_whole(options.html, tuning_page.page(study), options.force)
+    if options.best:
+        write_whole(options.best, preset_text(study.best.parameters, _when_to_take(study)), options.force)
+
+
+def _study(options: argparse.Namespace) -> tuning_report.Study:
+    from ..tuning_report import Study
+
     ranges = paper_ranges() if options.study else [parse_range(text) for text in options.vary]
+    if options.search is not None:
+        once_each(ranges)
     preset = options.preset or ('paper_start' if options.study else 'default')
     parameters = load_preset(preset).replace(**dict(map(parse_setting, options.set)))
     scenes = [read_middlebury_scene(path) for path in _chosen(middlebury_scenes(options.folder), options.scenes)]
-    if options.search is not None:
-        once_each(ranges)
     store = FigureStore(options.storage)
     with _progress(len(scenes) * (1 + _sets(ranges, options.search))) as advance:
         evaluate = Evaluator(scenes, options.scale, options.threads, store, advance)
         start = evaluate(parameters)
-        jointly = options.search is not None
-        steps = [] if jointly else one_at_a_time(evaluate, start, ranges, options.objective)
-        trials = joint_search(evaluate, start, ranges, options.search, options.objective) if jointly else []
-    study = tuning_report.Study(evaluate, options.objective, start, steps, trials, [entry.name for entry in ranges],
-                                against_paper=bool(options.study))
-    tuning_report.print_table(study)
-    print(f'{evaluate.maps} maps were computed')
-    if options.json:
-        write_whole(options.json, json.dumps(tuning_report.document(study), indent=1) + '\n', options.force)
-    if options.html:
-        write_whole(options.html, tuning_page.page(study), options.force)
-    if options.best:
-        scene_names = ', '.join(scene.name for scene in scenes)
-        comment = f'Take this one where scenes are like {scene_names}: tuned on them by {options.objective}.'
-        write_whole(options.best, preset_text(study.best.parameters, comment), options.force)
+        steps, trials = [], []
+        if options.search is None:
+            steps = one_at_a_time(evaluate, start, ranges, options.objective)
+        else:
+            trials = joint_search(evaluate, start, ranges, options.search, options.objective)
+    return Study(evaluate, options.objective, start, steps, trials, [entry.name for entry in ranges],
+                 against_paper=bool(options.study))
 
 
 def _check(options: argparse.Namespace) -> None:
     """What can be known before anything is computed."""
+    for name, needed in (('rich', True), ('optuna', options.search is not None), ('jinja2', options.html),
+                         ('matplotlib', options.html)):
+        if needed and importlib.util.find_spec(name) is None:
+            raise ImportError(f"{name} is not installed, of the extra 'tune'")
     outputs = [path for path in (options.json, options.html, options.best) if path]
     check_outputs(outputs, options.force)
     if options.best and options.best.suffix not in ('.yaml', '.yml'):
@@ -98,6 +110,13 @@ def _chosen(folders: list[Path], names: str | None) -> list[Path]:
         if name not in known:
             raise ValueError(f'no scene {name!r}: there are {", ".join(known)}')
     return [known[name] for name in dict.fromkeys(names.split(','))]
+
+
+def _when_to_take(study: tuning_report.Study) -> str:
+    names = [scene.name for scene in study.evaluate.scenes]
+    scenes = ', '.join(names) if len(names) <= 3 else f'{len(names)} scenes, {names[0]} to {names[-1]}'
+    error = f'{study.objective} {study.best.average[study.objective]:.2f}'
+    return f'Take this one for images like those it was tuned on: {scenes}; {error} there.'
 
 
 def _sets(ranges: list[ParameterRange], trials: int | None) -> int:
