@@ -1,40 +1,58 @@
-"""Files that are written at the end of a long run: checked before it, and written whole or not at all."""
+"""Files that commands write: all of them or none, and nothing overwritten unasked."""
 from __future__ import annotations
 
-import contextlib
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 
-def check_outputs(paths: Iterable[Path], force: bool = False) -> None:
-    """ValueError where one is there already and `force` is not given; OSError where one cannot be written."""
+def check_outputs(paths: Iterable[Path], force: bool) -> None:
+    """Refuse, before the work, what could not be written after it.
+
+    Raises ValueError naming a path that exists (without `force`), is a folder, is named twice, or lies in no folder.
+    """
     seen: set[Path] = set()
     for path in paths:
-        if path.is_dir() or path.absolute() in seen:
-            raise ValueError(f'{path}: {"a folder" if path.is_dir() else "named twice"}: name another file')
-        if path.exists() and not force:
+        if path.is_dir():
+            raise ValueError(f'{path} is a folder: name a file')
+        if not force and os.path.lexists(path):
             raise ValueError(f'{path} exists already: remove it, name another file, or give --force')
         if not path.parent.is_dir():
-            raise FileNotFoundError(f'{path} cannot be written: there is no folder {path.parent}')
+            raise ValueError(f'{path}: there is no folder {path.parent}')
         if not os.access(path.parent, os.W_OK):
-            raise PermissionError(f'{path} cannot be written: the folder {path.parent} is read-only')
-        seen.add(path.absolute())
+            raise ValueError(f'{path}: the folder {path.parent} cannot be written')
+        if path.resolve() in seen:
+            raise ValueError(f'{path} is named twice: each output needs a file of its own')
+        seen.add(path.resolve())
 
 
-def write_whole(path: Path, text: str, force: bool = False) -> None:
-    """Write `text` so that no reader, nor an interruption, meets half of it. Raises as `check_outputs`."""
-    check_outputs([path], force)
-    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
+def write_outputs(contents: Mapping[Path, bytes], force: bool) -> None:
+    """Write every file under a temporary name in its folder, then rename them all.
+
+    Raises ValueError as `check_outputs`, and where a file cannot be written (a full disk); then none is there.
+    """
+    check_outputs(contents, force)
+    waiting: dict[Path, str] = {}
     try:
-        with os.fdopen(descriptor, 'w', encoding='utf-8') as file:
-            file.write(text)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
-        raise
+        for path, content in contents.items():
+            try:
+                handle, waiting[path] = tempfile.mkstemp(dir=path.parent, prefix=f'.{path.name}.')
+                with open(handle, 'wb') as file:
+                    file.write(content)
+                    os.fchmod(file.fileno(), 0o666 & ~_umask())
+            except OSError as error:
+                raise ValueError(f'{path}: cannot be written: {error.strerror}') from None
+        for path, temporary in list(waiting.items()):
+            os.replace(temporary, path)
+            del waiting[path]
+    finally:
+        for temporary in waiting.values():
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    """The process's mask of file rights; it can only be read by setting it."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask

@@ -6,7 +6,6 @@ from tuning_scenes import real_scenes, write_scenes
 from svdm_core import MatcherParameters, StereoMatcher, load_preset
 from svdm_core.datasets import middlebury_scenes, read_middlebury_scene
 from svdm_core.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
-from svdm_core.output_files import write_whole
 from svdm_core.paper import PAPER_STUDY
 from svdm_core.stage_reuse import STAGE_4, StageReuse
 from svdm_core.streaks import streak_share
@@ -86,14 +85,6 @@ def test_wrong_arguments_of_a_study_are_named(scenes):
         joint_search(evaluate, start, [], 0)
     with pytest.raises(ValueError, match='no scene to tune on'):
         Evaluator([])
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
-    path = tmp_path / 'file'
-    path.write_text('before')
-    with pytest.raises(UnicodeEncodeError):
-        write_whole(path, 'after \ud800', force=True)
-    assert path.read_text() == 'before' and list(tmp_path.iterdir()) == [path]
 
 
 def test_a_file_that_is_no_storage_is_left_alone(tmp_path):

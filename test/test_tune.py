@@ -129,9 +129,9 @@ def test_the_papers_study_says_in_what_it_differs(folder, tmp_path, capsys):
     (['--vary', 'alpha=1', '--json', '/nowhere/at/all.json'], 'there is no folder /nowhere/at'),
     (['--vary', 'alpha=1', '--storage', '/nowhere/at/all'], 'there is no folder /nowhere/at'),
     (['--vary', 'alpha=1', '--best', 'best.txt'], 'a preset is read from a .yaml file only'),
-    (['--vary', 'alpha=1', '--json', 'a', '--html', 'a'], 'a: named twice'),
+    (['--vary', 'alpha=1', '--json', 'a', '--html', 'a'], 'a is named twice'),
     (['--vary', 'alpha=1', '--json', 'a', '--storage', 'a'], 'a is the storage'),
-    (['--vary', 'alpha=1', '--json', '.'], 'a folder: name another file'),
+    (['--vary', 'alpha=1', '--json', '.'], '. is a folder: name a file'),
 ])
 def test_wrong_arguments_are_refused_before_anything_is_computed(folder, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)

@@ -43,4 +43,4 @@ def real_scenes(*names):
 def run(*arguments):
     parser = argparse.ArgumentParser(prog='svdm tune')
     tune.add_arguments(parser)
-    tune.run(parser.parse_args([str(argument) for argument in arguments]))
+    assert tune.run(parser.parse_args([str(argument) for argument in arguments])) == 0

@@ -1,1 +1,1 @@
-"""The commands of `svdm`, a module each: `add_arguments(parser)` and `run(options)`."""
+"""The commands of `svdm`, one module each: `add_arguments(parser)`, and `run(options)` that returns the exit code."""

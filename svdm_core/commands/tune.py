@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..datasets import middlebury_scenes, read_middlebury_scene
 from ..optimization import FIGURES, Evaluator, joint_search, one_at_a_time
-from ..output_files import check_outputs, write_whole
+from ..output_files import check_outputs, write_outputs
 from ..presets import load_preset, preset_text
 from ..tuning_ranges import ParameterRange, once_each, paper_ranges, parse_range, parse_setting
 from ..tuning_store import FigureStore
@@ -45,21 +45,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--force', action='store_true', help='overwrite the files written')
 
 
-def run(options: argparse.Namespace) -> None:
-    """Tune, print a table, write what was asked for. ValueError, OSError or ImportError with one line."""
+def run(options: argparse.Namespace) -> int:
+    """Tune, print a table, write what was asked for; 0. ValueError, OSError or ImportError with one line."""
     _check(options)
     study = _study(options)
     from .. import tuning_report
 
     tuning_report.print_table(study)
     print(f'{study.evaluate.maps} maps were computed')
+    texts = {}
     if options.json:
-        write_whole(options.json, json.dumps(tuning_report.document(study), indent=1) + '\n', options.force)
+        texts[options.json] = json.dumps(tuning_report.document(study), indent=1) + '\n'
     if options.html:
         from .. import tuning_page
-        write_whole(options.html, tuning_page.page(study), options.force)
+        texts[options.html] = tuning_page.page(study)
     if options.best:
-        write_whole(options.best, preset_text(study.best.parameters, _when_to_take(study)), options.force)
+        texts[options.best] = preset_text(study.best.parameters, _when_to_take(study))
+    write_outputs({path: text.encode() for path, text in texts.items()}, options.force)
+    return 0
 
 
 def _study(options: argparse.Namespace) -> tuning_report.Study:
