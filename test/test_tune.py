@@ -163,9 +163,9 @@ def test_nothing_is_overwritten_without_force(folder, tmp_path, option, monkeypa
 def test_a_result_that_is_no_number_is_refused_and_not_stored(tmp_path):
     write_scene(tmp_path / 'scenes' / 'Attic', 1)
     cv2.imwrite(str(tmp_path / 'scenes' / 'Attic' / 'mask0nocc.png'), np.zeros((40, 70), np.uint8))
-    with pytest.raises(ValueError, match='scene Attic: avgerr_nonocc is nan: its mask has no pixel'):
+    with pytest.raises(ValueError, match=r'Attic: .*known ground truth'):
         run(tmp_path / 'scenes', '--vary', 'alpha=1', '--threads', 1, '--storage', tmp_path / 's')
-    assert (tmp_path / 's').read_bytes() == b''
+    assert not (tmp_path / 's').exists() or not (tmp_path / 's').read_bytes()
 
 
 @pytest.mark.parametrize(('module', 'arguments'), [
