@@ -47,8 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune, print a table, write what was asked for; 0. ValueError, OSError or ImportError with one line."""
-    _check(options)
-    study = _study(options)
+    _check_files(options)
+    ranges = _ranges(options)
+    _check_modules(options)
+    study = _study(options, ranges)
     from .. import tuning_report
 
     tuning_report.print_table(study)
@@ -65,12 +67,18 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _study(options: argparse.Namespace) -> tuning_report.Study:
-    from ..tuning_report import Study
-
+def _ranges(options: argparse.Namespace) -> list[ParameterRange]:
     ranges = paper_ranges() if options.study else [parse_range(text) for text in options.vary]
     if options.search is not None:
         once_each(ranges)
+        if options.search < 1:
+            raise ValueError(f'--search {options.search} is not allowed: it must be 1 or more trials')
+    return ranges
+
+
+def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> tuning_report.Study:
+    from ..tuning_report import Study
+
     preset = options.preset or ('paper_start' if options.study else 'default')
     parameters = load_preset(preset).replace(**dict(map(parse_setting, options.set)))
     scenes = [read_middlebury_scene(path) for path in _chosen(middlebury_scenes(options.folder), options.scenes)]
@@ -87,12 +95,8 @@ def _study(options: argparse.Namespace) -> tuning_report.Study:
                  against_paper=bool(options.study))
 
 
-def _check(options: argparse.Namespace) -> None:
-    """What can be known before anything is computed."""
-    for name, needed in (('rich', True), ('optuna', options.search is not None), ('jinja2', options.html),
-                         ('matplotlib', options.html)):
-        if needed and importlib.util.find_spec(name) is None:
-            raise ImportError(f"{name} is not installed, of the extra 'tune'")
+def _check_files(options: argparse.Namespace) -> None:
+    """Refuse what could not be written at the end."""
     outputs = [path for path in (options.json, options.html, options.best) if path]
     check_outputs(outputs, options.force)
     if options.best and options.best.suffix not in ('.yaml', '.yml'):
@@ -101,8 +105,14 @@ def _check(options: argparse.Namespace) -> None:
         check_outputs([options.storage], force=True)
         if options.storage.absolute() in [path.absolute() for path in outputs]:
             raise ValueError(f'{options.storage} is the storage: write something else to another file')
-    if options.search is not None and options.search < 1:
-        raise ValueError(f'--search {options.search} is not allowed: it must be 1 or more trials')
+
+
+def _check_modules(options: argparse.Namespace) -> None:
+    needed = ['rich', *(['optuna'] if options.search is not None else []),
+              *(['jinja2', 'matplotlib'] if options.html else [])]
+    for name in needed:
+        if importlib.util.find_spec(name) is None:
+            raise ImportError(f"{name} is not installed, of the extra 'tune'")
 
 
 def _chosen(folders: list[Path], names: str | None) -> list[Path]:
