@@ -55,6 +55,7 @@ weights of Middlebury v3. Chosen by {{ headings[objective] }}: the smallest, the
 {%- endfor %}
 {%- if trials %}
 <h2>Joint search, {{ trial_count }} trials</h2>
+<p>{{ different }} of them different: the sampler comes back to what is good, which costs nothing.</p>
 <img alt="figures of the trials" src="{{ trials_picture }}">
 <p>The best {{ trials|length }}:</p>{{ figures_table(trials, 'values') }}
 {%- endif %}
@@ -90,13 +91,14 @@ def page(study: Study) -> str:
     found = document(study)
     way = path(study)
     steps = [_step(entry, step, study) for entry, step in zip(found['steps'], study.steps, strict=True)]
-    ranked = sorted(found['trials'], key=lambda trial: float(trial['average'][study.objective]))[:_SHOWN_TRIALS]
+    different = {_listed(trial['values']): trial['average'] for trial in found['trials']}
+    ranked = sorted(different.items(), key=lambda item: float(item[1][study.objective]))[:_SHOWN_TRIALS]
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     return environment.from_string(_TEMPLATE).render(
         scenes=found['scenes'], objective=study.objective, names=FIGURES, headings=HEADINGS,
         way=[(label, evaluation.average, False) for label, evaluation in way],
         changed=found['changed'], steps=steps, streak=streaks, trial_count=len(study.trials),
-        trials=[(_listed(trial['values']), trial['average'], False) for trial in ranked],
+        trials=[(label, average, False) for label, average in ranked], different=len(different),
         trials_picture=_uri(draw_trials(study.trials, study.varied, study.objective), 'png') if study.trials else '',
         streak_rows=[(label, {name: figures['streaks'] for name, figures in evaluation.scenes.items()})
                      for label, evaluation in way],
