@@ -1,10 +1,12 @@
 """Stereo matching by the four stages of the horizontal-streak paper (Gan et al. 2024); no ROS in here."""
 from .kernel_cache import kernel_cache
-
-with kernel_cache():
-    from .matcher import DisparityResult, StereoMatcher
 from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
 from .presets import load_preset, preset_names
+from .thread_waiting import wait_briefly
+
+wait_briefly()
+with kernel_cache():
+    from .matcher import DisparityResult, StereoMatcher
 
 __all__ = [
     'DisparityResult',

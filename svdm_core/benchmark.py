@@ -41,6 +41,16 @@ class BenchmarkPair:
             truth = np.asarray(cv2.resize(truth, (width, height), interpolation=cv2.INTER_NEAREST)) * np.float32(factor)
         return BenchmarkPair(left, right, truth)
 
+    def tiled(self, width: int, height: int) -> BenchmarkPair:
+        """The pair cut off or repeated to another size: each pixel gives as much work as before."""
+        def fit(image: Any) -> Any:
+            rows, columns = -(-height // image.shape[0]), -(-width // image.shape[1])
+            repeated = np.tile(image, (rows, columns) + (1,) * (image.ndim - 2))
+            return np.ascontiguousarray(repeated[:height, :width])
+
+        truth = None if self.ground_truth is None else fit(self.ground_truth)
+        return BenchmarkPair(fit(self.left), fit(self.right), truth)
+
     def grey(self) -> BenchmarkPair:
         """The pair without colour."""
         if self.left.ndim == 2:

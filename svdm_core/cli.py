@@ -99,10 +99,14 @@ def _benchmark(options: argparse.Namespace) -> None:
 
 
 def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
-    """Median ms of each preset over image sizes (64 disparities) and over disparities (640x480), with exponents."""
+    """Median ms of each preset over image sizes (64 disparities) and over disparities (640x480), with exponents.
+
+    The sizes are cut from the 640x480 images or tiled with them: scaled images would have other disparities.
+    """
+    vga = whole.scaled(640, 480)
     names = [name for name in benchmark.contender_names(preset_names()) if name.startswith('svdm-')]
     by_size, by_disparities = (
-        [benchmark.run_benchmark(whole.scaled(*size), names, disparities, threads, rounds=3, memory=False)
+        [benchmark.run_benchmark(vga.tiled(*size), names, disparities, threads, rounds=7, memory=False)
          for size, disparities in cases]
         for cases in ([(size, 64) for size in SCALING_SIZES], [((640, 480), d) for d in SCALING_DISPARITIES])
     )

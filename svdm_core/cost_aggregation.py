@@ -13,7 +13,7 @@ import numpy as np
 
 from .arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
 from .disparity_optimization import Winners, take_smallest
-from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes
+from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes, gather_pixels
 from .parameters import MatcherParameters
 from .spanning_forest import SpanningTrees
 from .vectors import load, minimum, pointer, splat, store, to_uint16
@@ -24,11 +24,11 @@ class ForestNodes:
     """All that the passes read of the nodes, in breadth-first order; view 0 is left, view 1 the mirrored right one.
 
     similarity: float32 (2, N), support across the edge to the parent.
-    inner: float32 (2, N), 1 where a node has children, else 0. partner, own, own_census: of `gather_nodes`.
+    inner: uint8 (2, N), 1 where a node has children, else 0. partner, own, own_census: of `gather_nodes`.
     """
 
     similarity: Float32
-    inner: Float32
+    inner: Uint8
     partner: Int32
     own: Float32
     own_census: UInt64
@@ -37,13 +37,12 @@ class ForestNodes:
     def empty(cls, planes: MatchingPlanes, nodes: int) -> ForestNodes:
         """Room for two views of `nodes` nodes each, whose values come from such planes."""
         own_census = np.zeros((2, nodes if planes.census.size else 0), np.uint64)
-        return cls(np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.int32),
+        return cls(np.zeros((2, nodes), np.float32), np.zeros((2, nodes), np.uint8), np.zeros((2, nodes), np.int32),
                    np.zeros((2, nodes * planes.values.shape[1]), np.float32), own_census)
 
     def gather_pixels(self, planes: MatchingPlanes, width: int) -> None:
         """From the planes alone, W = width: the nodes in the order of the pixels, without a tree."""
-        pixel = np.tile(np.arange(self.partner.shape[1], dtype=np.int32), (2, 1))
-        gather_nodes(planes.values, planes.census, pixel, width, self.partner, self.own, self.own_census)
+        gather_pixels(planes.values, planes.census, width, self.partner, self.own, self.own_census)
 
     def gather(self, trees: SpanningTrees, planes: MatchingPlanes, width: int, parameters: MatcherParameters) -> None:
         """From the trees and the planes of a pair, W = width."""
@@ -116,7 +115,7 @@ def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
 
 @numba.njit(cache=True, parallel=True)
 def _aggregate_volume(
-    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
     num_disparities: int, scratch: Float32, pixel: Int32, factor: Float32, largest: np.float32, stride: int,
     volume: Uint16,
@@ -151,7 +150,7 @@ def _root_to_volume(
 
 
 @numba.njit(cache=True, parallel=True)
-def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Float32) -> None:
+def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Uint8) -> None:
     views, nodes = parent.shape
     inner[:] = 0
     for view in numba.prange(views):
@@ -163,7 +162,7 @@ def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: F
 
 @numba.njit(cache=True, parallel=True)
 def _aggregate(
-    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
     num_disparities: int, subpixel: bool, scratch: Float32, best: Int32, index: Int32, beside: Float32,
 ) -> None:
@@ -184,7 +183,7 @@ def _aggregate(
 
 @numba.njit(cache=True)
 def _leaf_to_root(
-    parent: Int32, similarity: Float32, inner: Float32, partner: Int32, own: Float32, own_census: UInt64,
+    parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool],
     disparity: int, rows: Float32,
 ) -> None:
@@ -198,7 +197,7 @@ def _leaf_to_root(
     for k in range(parent.size - 1, -1, -1):
         cost = cost_vector(own_at, own_census_at, k, values_at, census_at, terms, planes, size,
                            partner[k] + disparity, scale)
-        row = cost + splat(inner[k]) * load(at, k * block)
+        row = cost + splat(np.float32(inner[k])) * load(at, k * block)
         store(at, k * block, row)
         above = parent[k]
         sibling = np.float32(1) if above == parent_before else np.float32(0)

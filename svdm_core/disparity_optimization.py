@@ -22,7 +22,8 @@ class Winners:
 
     best: int32 (2, slots, N), bits of the smallest float32 cost >= 0, which order like the costs.
     index: int32 (2, slots, N), its disparity - min_disparity, the smallest among equal costs.
-    beside: float32 (slots, 4, N), left view: costs one below and one above the winner, and at the slot's ends.
+    beside: float32 (slots, 4, N), left view: costs one below and one above the winner, and at the slot's ends; or
+    (slots, 4, 0): then there are no sub-pixel offsets.
     """
 
     best: Int32
@@ -30,10 +31,10 @@ class Winners:
     beside: Float32
 
     @classmethod
-    def empty(cls, slots: int, nodes: int) -> Winners:
+    def empty(cls, slots: int, nodes: int, subpixel: bool = True) -> Winners:
         """Room for two views of `nodes` nodes; the first block of a slot overwrites what was there before."""
         best, index = np.zeros((2, 2, slots, nodes), np.int32)
-        return cls(best, index, np.zeros((slots, 4, nodes), np.float32))
+        return cls(best, index, np.zeros((slots, 4, nodes if subpixel else 0), np.float32))
 
     def images(
         self, pixel: Int32, shape: tuple[int, int], num_disparities: int, per_slot: int
@@ -106,7 +107,7 @@ def _images(
             d = index[0, slot, k]
             winner[0, pixel[0, k]] = d
             offset = np.float32(0)
-            if 0 < d < end:
+            if 0 < d < end and beside.shape[2] > 0:
                 at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < slots - 1
                 below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
                 above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]

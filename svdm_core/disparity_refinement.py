@@ -7,7 +7,7 @@ import numpy as np
 from .arrays import Bool, Float32, Image, Int32
 from .matching_cost import intensities
 from .parameters import MatcherParameters
-from .weighted_median import weighted_median
+from .weighted_median import weighted_median, weighted_median_of_disparity
 
 
 def left_right_check(
@@ -45,12 +45,12 @@ def refine(
     its sub-pixel disparity.
     """
     filled = fill_along_scanlines(winner, valid)
-    if parameters.median_guide == 'image':
-        guide = intensities(left)
-    else:
-        guide = (filled / np.float32(parameters.num_disparities)).astype(np.float32)[None]
     wanted = ~valid if parameters.median_scope == 'filled' else None
-    median = weighted_median(filled, guide, wanted, parameters.w_p, parameters.sigma_s, parameters.sigma_c)
+    window, sigma_s, sigma_c = parameters.w_p, parameters.sigma_s, parameters.sigma_c
+    if parameters.median_guide == 'image':
+        median = weighted_median(filled, intensities(left), wanted, window, sigma_s, sigma_c)
+    else:
+        median = weighted_median_of_disparity(filled, wanted, window, sigma_s, sigma_c, parameters.num_disparities)
     disparity = (median + parameters.min_disparity).astype(np.float32)
     if vertex is not None:
         disparity += np.where(valid & (median == winner), vertex, np.float32(0))

@@ -12,13 +12,13 @@ import cv2
 import numba
 import numpy as np
 
-from .arrays import Bool, Float32, Image, Int32, Uint8
+from .arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
 from .cost_aggregation import ForestNodes, aggregate, aggregate_volume
 from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
 from .matching_cost import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
-from .semiglobal_optimization import cost_factor, padded, semiglobal_winners
+from .semiglobal_optimization import cost_factor, padded, scratch_size, semiglobal_winners
 from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
@@ -104,7 +104,9 @@ class StereoMatcher:
         shape = left.shape[:2]
         trees, nodes, planes = buffers.trees, buffers.nodes, buffers.planes
         with clock.stage('spanning_forest'):
-            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1])
+            # The costs are not needed yet; what is left there, small integers, are finite floats.
+            scratch = buffers.scratch[:, 0].view(np.int32)
+            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1], scratch)
         with clock.stage('matching_cost'):
             planes.fill(left, right, parameters.gradient)
             nodes.gather(trees, planes, shape[1], parameters)
@@ -117,7 +119,8 @@ class StereoMatcher:
             aggregate_volume(trees, nodes, planes, parameters, buffers.scratch, cost_factor(parameters),
                              padded(parameters.num_disparities), buffers.volume)
         with clock.stage('disparity_optimization'):
-            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below)
+            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below,
+                                      buffers.lines)
 
     def _in_boxes(
         self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
@@ -128,7 +131,7 @@ class StereoMatcher:
             buffers.nodes.gather_pixels(buffers.planes, left.shape[1])
         with clock.stage('disparity_optimization'):
             return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume,
-                                      buffers.below)
+                                      buffers.below, buffers.lines)
 
     def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
@@ -155,6 +158,7 @@ class _Layout:
     min_disparity: int
     num_disparities: int
     census: bool
+    subpixel: bool
     slots: int
     tree: bool
     volume: bool
@@ -165,9 +169,9 @@ class _Layout:
         """The layout for images of `shape`."""
         tree, smooth = parameters.aggregation == 'tree', parameters.p2 > 0
         from_below = smooth and parameters.paths == 4
+        slots = _slots(shape[0] * shape[1], parameters.num_disparities)
         return cls(shape, parameters.min_disparity, parameters.num_disparities, parameters.census_weight > 0,
-                   _slots(shape[0] * shape[1], parameters.num_disparities), tree, (tree and smooth) or from_below,
-                   from_below)
+                   parameters.subpixel, slots, tree, (tree and smooth) or from_below, from_below)
 
     @property
     def per_slot(self) -> int:
@@ -192,10 +196,12 @@ class _Buffers:
         self.planes = MatchingPlanes.empty(layout.shape, end, layout.census)
         self.trees = SpanningTrees.empty(layout.shape if layout.tree else (0, 0))
         self.nodes = ForestNodes.empty(self.planes, nodes)
-        self.scratch = np.zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
-        self.winners = Winners.empty(layout.slots, tree_nodes)
-        self.volume = np.empty((2, nodes * stride if layout.volume else 0), np.uint16)
-        self.below = np.empty((2, nodes * stride if layout.from_below else 0), np.uint16)
+        self.scratch = aligned_zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
+        self.winners = Winners.empty(layout.slots, 0 if layout.volume else tree_nodes, layout.subpixel)
+        self.volume = aligned_zeros((2, nodes * stride if layout.volume else 0), np.uint16)
+        rows = 0 if layout.tree and not layout.volume else scratch_size(layout.shape[1], layout.num_disparities)
+        self.lines = aligned_zeros((2, rows), np.uint16)
+        self.below = aligned_zeros((2, nodes * stride if layout.from_below else 0), np.uint16)
 
 
 class _StageClock:

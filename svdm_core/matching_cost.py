@@ -13,7 +13,7 @@ import cv2
 import numba
 import numpy as np
 
-from .arrays import Float32, Image, Int16, Int32, UInt64
+from .arrays import Float32, Image, Int16, Int32, Uint8, UInt64
 from .parameters import MatcherParameters
 from .vectors import absolute, count_ones, load, minimum, splat, to_float, where_equal
 
@@ -128,27 +128,57 @@ def _fill_gradient(grey: Image, unit: np.float32, magnitude: bool, mirrored: boo
 
 @numba.njit(cache=True, parallel=True)
 def _fill_census(grey: Image, mirrored: bool, plane: UInt64) -> None:
-    """One bit for each neighbour that is darker than the pixel; borders replicated."""
+    """One bit for each neighbour that is darker than the pixel, in reading order; borders replicated."""
     height, width = grey.shape
     across, along = _CENSUS_COLUMNS // 2, _CENSUS_ROWS // 2
     for y in numba.prange(height):
-        bits = np.zeros(width, np.uint64)
-        near = np.empty(width + 2 * across, grey.dtype)
         row = grey[y]
-        for i in range(-along, along + 1):
-            other = grey[min(max(y + i, 0), height - 1)]
-            near[:across] = other[0]
-            near[across:across + width] = other
-            near[across + width:] = other[width - 1]
-            for j in range(2 * across + 1):
-                if i == 0 and j == across:
-                    continue
-                beside = near[j:j + width]
+        near = np.empty((_CENSUS_ROWS, width + 2 * across), grey.dtype)
+        for i in range(_CENSUS_ROWS):
+            other = grey[min(max(y + i - along, 0), height - 1)]
+            near[i, :across] = other[0]
+            near[i, across:across + width] = other
+            near[i, across + width:] = other[width - 1]
+        bits = np.zeros((8, width), np.uint8)  # a byte at a time: more pixels in each vector
+        bit = 64 - CENSUS_BITS
+        for i in range(_CENSUS_ROWS):
+            for j in range(_CENSUS_COLUMNS):
+                if i != along or j != across:
+                    _append_bit(near[i, j:j + width], row, bits[bit // 8])
+                    bit += 1
+        to = plane[y, :width][::-1] if mirrored else plane[y, :width][::1]
+        _join_bytes(bits, to)
+
+
+@numba.njit(cache=True)
+def _append_bit(neighbour: Image, pixel: Image, byte: Uint8) -> None:
+    for x in range(pixel.size):
+        byte[x] = np.uint8(byte[x] << np.uint8(1)) | np.uint8(neighbour[x] < pixel[x])
+
+
+@numba.njit(cache=True)
+def _join_bytes(bits: Uint8, words: UInt64) -> None:
+    for x in range(words.size):
+        word = np.uint64(0)
+        for k in range(8):
+            word = (word << np.uint64(8)) | np.uint64(bits[k, x])
+        words[x] = word
+
+
+@numba.njit(cache=True, parallel=True)
+def gather_pixels(values: Int16, census: UInt64, width: int, partner: Int32, own: Float32, own_census: UInt64) -> None:
+    """What `gather_nodes` does where the nodes are the pixels in their order."""
+    views, count, height, pitch = values.shape
+    for y in numba.prange(height):
+        for view in range(views):
+            first = y * width
+            for x in range(width):
+                partner[view, first + x] = y * pitch + width - 1 - x
+            for c in range(count):
                 for x in range(width):
-                    bits[x] = (bits[x] << np.uint64(1)) | np.uint64(beside[x] < row[x])
-        to = plane[y]
-        for x in range(width):
-            to[width - 1 - x if mirrored else x] = bits[x]
+                    own[view, (first + x) * count + c] = np.float32(values[view, c, y, x])
+            if own_census.size:
+                own_census[view, first:first + width] = census[view, y, :width]
 
 
 @numba.njit(cache=True, parallel=True)

@@ -110,13 +110,13 @@ class MatcherParameters:
     tau_gm: float = _parameter(
         2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0)
     census_weight: float = _parameter(
-        0.0, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
+        0.5, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
         minimum=0.0, maximum=1000.0)
     aggregation: str = _parameter(
         'tree', 'support of a pixel: all others along a minimum spanning tree (the paper), or the 3x3 box around it',
         choices=('tree', 'box'))
     sigma_tree: float = _parameter(
-        0.1, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
+        0.03, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
     d_y: int = _parameter(
         255, 'tree edges heavier than this are cut (eq 10); 255 cuts none', unit='grey levels', minimum=0, maximum=255)
     guide_blur: int = _parameter(
@@ -125,10 +125,10 @@ class MatcherParameters:
     subpixel: bool = _parameter(
         True, 'refine the winning disparity by the parabola through its neighbours')
     p1: float = _parameter(
-        0.0, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
+        0.1, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
         minimum=0.0, maximum=1000.0)
     p2: float = _parameter(
-        0.0, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
+        0.45, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
         minimum=0.0, maximum=1000.0)
     paths: int = _parameter(
         4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
@@ -142,11 +142,11 @@ class MatcherParameters:
         'image', 'what sigma_c compares (eq 17): the left image, or the disparity over num_disparities',
         choices=('image', 'disparity'))
     w_p: int = _parameter(
-        31, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
+        21, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
     sigma_s: float = _parameter(
-        15.8, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
+        14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
     sigma_c: float = _parameter(
-        0.175, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0)
+        0.1, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0)
 
     def __post_init__(self) -> None:
         for info in parameter_table():

@@ -14,10 +14,23 @@ import numpy as np
 
 from .arrays import Float32, Int16, Int32, Uint16, UInt64
 from .cost_aggregation import ForestNodes
-from .disparity_optimization import parabola
 from .matching_cost import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
 from .parameters import MatcherParameters
-from .vectors import first_equal, least, load, minimum, pointer, splat, store, to_uint16
+from .vectors import (
+    count_ones,
+    first_equal,
+    half_splat,
+    least,
+    load,
+    lower_neighbours,
+    minimum,
+    narrow,
+    pointer,
+    splat,
+    store,
+    to_uint16,
+    upper_neighbours,
+)
 
 # Disparities in one vector.
 LANES = 32
@@ -34,21 +47,31 @@ def padded(num_disparities: int) -> int:
     return -(-num_disparities // LANES) * LANES
 
 
+def scratch_size(width: int, num_disparities: int) -> int:
+    """Elements of scratch that one view of images of this width needs."""
+    stride = padded(num_disparities)
+    return (width + _ROWS) * (stride + 2 * LANES) + (2 * _ROWS + 4) * width * stride + padded(3 * width)
+
+
 def cost_factor(parameters: MatcherParameters) -> float:
     """What the costs of `cost_vector` are multiplied by: a pixel's aggregated cost and P2 together stay in 14 bits."""
-    largest = float(cost_scale(parameters)[4]) + parameters.p2 * INTENSITY
-    return (LARGEST - 2 * _summed(parameters)) / (_summed(parameters) * max(largest, 1.0))
+    *_, bit, largest = map(float, cost_scale(parameters))
+    factor = (LARGEST - 2 * _summed(parameters)) / (_summed(parameters) * max(largest + parameters.p2 * INTENSITY, 1.0))
+    if cost_terms(parameters) == (False, True) and bit * factor >= 1:
+        return int(bit * factor) / bit  # a whole number for each bit: `_cost_row` need not round
+    return factor
 
 
 def semiglobal_winners(
     nodes: ForestNodes, planes: MatchingPlanes, parameters: MatcherParameters, shape: tuple[int, int], volume: Uint16,
-    below: Uint16,
+    below: Uint16, scratch: Uint16,
 ) -> tuple[Int32, Float32]:
     """Smooth both views and take the winners; returns what `Winners.images` does.
 
     nodes: in the order of the pixels, from which box aggregation takes its costs. volume: uint16 (2, N * stride),
     stride of `padded`, holds the costs of tree aggregation; scratch for box aggregation with the path from below,
     else (2, 0). below: scratch of that shape where there is that path, else (2, 0).
+    scratch: uint16 (2, `scratch_size`).
     """
     winner = np.empty((2, *shape), np.int32)
     vertex = np.zeros(shape, np.float32)
@@ -57,7 +80,7 @@ def semiglobal_winners(
               for p in (min(parameters.p1, parameters.p2), parameters.p2))
     _smooth(nodes.own, nodes.own_census, nodes.partner, planes.values.reshape(2, -1), planes.census.reshape(2, -1),
             planes.values.shape[1], planes.values[0, 0].size, cost_scale(parameters), cost_terms(parameters),
-            parameters.min_disparity, parameters.num_disparities, np.float32(factor), volume, below, *shape,
+            parameters.min_disparity, parameters.num_disparities, np.float32(factor), volume, below, scratch, *shape,
             padded(parameters.num_disparities), p1, p2, parameters.aggregation == 'box', winner.reshape(2, -1),
             vertex.reshape(-1) if parameters.subpixel else vertex.reshape(-1)[:0])
     return winner, vertex
@@ -72,8 +95,8 @@ def _summed(parameters: MatcherParameters) -> int:
 def _smooth(
     own: Float32, own_census: UInt64, partner: Int32, values: Int16, census: UInt64, planes: int, size: int,
     scale: CostScale, terms: tuple[bool, bool], first: int, disparities: int, factor: np.float32, volume: Uint16,
-    below: Uint16, height: int, width: int, stride: int, p1: np.uint16, p2: np.uint16, box: bool, winner: Int32,
-    vertex: Float32,
+    below: Uint16, scratch: Uint16, height: int, width: int, stride: int, p1: np.uint16, p2: np.uint16, box: bool,
+    winner: Int32, vertex: Float32,
 ) -> None:
     barrier = np.zeros(stride, np.uint16)
     barrier[disparities:] = 65535
@@ -81,16 +104,18 @@ def _smooth(
     behind[disparities:] = 1e9
     for view in numba.prange(2):
         source = (own[view], own_census[view], partner[view], values[1 - view], census[1 - view], planes, size, scale,
-                  terms, first, behind, factor)
-        line, rows_line = np.empty((2, max(width, _ROWS) * (stride + 2 * LANES)), np.uint16)
-        costs, total = np.empty((2, _ROWS * width * stride), np.uint16)
+                  terms, first, disparities, behind, factor)
+        room, row = stride + 2 * LANES, width * stride
+        line, rest = scratch[view, :width * room], scratch[view, width * room:]
+        rows_line, rest = rest[:_ROWS * room], rest[_ROWS * room:]
+        costs, total, rest = rest[:_ROWS * row], rest[_ROWS * row:2 * _ROWS * row], rest[2 * _ROWS * row:]
+        raw, ring, beside = rest[:row], rest[row:4 * row].reshape(3, row), rest[4 * row:4 * row + 3 * width]
         if box and volume.size:
-            _fill_volume(source, height, width, stride, volume[view])
+            _fill_volume(source, height, width, stride, raw, ring, volume[view])
         if below.size:
-            _paths_from_below(volume[view], height, width, stride, p1, p2, line,
-                              below[view])
+            _paths_from_below(volume[view], height, width, stride, p1, p2, line, below[view])
         _smooth_view(source, volume[view], below[view], height, width, stride, disparities, p1, p2, line, rows_line,
-                     costs, total, barrier, winner[view], vertex if view == 0 else vertex[:0])
+                     costs, total, raw, ring, beside, barrier, winner[view], vertex if view == 0 else vertex[:0])
 
 
 @numba.njit(cache=True)
@@ -100,19 +125,19 @@ def _advance(line, at, cost, here, total, there, add, low, p1, p2, chunks):  # t
     line: pointer to L from `at` on, at least a vector of large values on either side. cost, total: pointers to this
     pixel's costs from `here`, and to the sums over paths from `there` on, set or added to. low: min L of before.
     """
-    smooth, jump, before = splat(p1), splat(np.uint16(low + p2)), splat(low)
+    smooth, before = splat(p1), splat(low)
+    jump = before + splat(p2)
     smallest = splat(np.uint16(65535))
-    below = load(line, at - 1)
+    last, same = splat(np.uint16(LARGEST)), load(line, at)
     for c in range(chunks):
         o = c * LANES
-        same, above = load(line, at + o), load(line, at + o + 1)
-        next_below = load(line, at + o + LANES - 1)  # before it is overwritten
-        best = minimum(minimum(same, minimum(below, above) + smooth), jump)
-        new = load(cost, here + o) + (best - before)
+        following = load(line, at + o + LANES)
+        beside = minimum(lower_neighbours(last, same), upper_neighbours(same, following))
+        new = load(cost, here + o) + (minimum(minimum(same, beside + smooth), jump) - before)
         store(line, at + o, new)
-        smallest = minimum(smallest, new)
         store(total, there + o, load(total, there + o) + new if add else new)
-        below = next_below
+        smallest = minimum(smallest, new)
+        last, same = same, following
     return least(smallest)
 
 
@@ -128,25 +153,31 @@ def _winner(total, there, more, at, from_below, barrier, chunks):  # type: ignor
             store(total, there + o, value)
         smallest = minimum(smallest, value | load(barrier, o))
     least_sum = least(smallest)
-    winner = LANES
-    for c in range(chunks):
-        winner = first_equal(load(total, there + c * LANES), least_sum)
-        if winner < LANES:
-            return least_sum, np.int32(c * LANES + winner)
-    return least_sum, np.int32(winner)
+    winner = np.int32(0)
+    for c in range(chunks - 1, -1, -1):  # no branch that could not be foreseen
+        lane = first_equal(load(total, there + c * LANES), least_sum)
+        winner = np.int32(c * LANES + lane) if lane < LANES else winner
+    return least_sum, winner
 
 
 @numba.njit(cache=True)
-def _cost_row(source, y, width, stride, into):  # type: ignore[no-untyped-def]
+def _cost_row(source, y, height, width, stride, into):  # type: ignore[no-untyped-def]
     """Matching costs of row y, scaled, into uint16 (width * stride); behind the search range the largest."""
-    own, own_census, partner, values, census, planes, size, scale, terms, first, behind, factor = source
+    own, own_census, partner, values, census, planes, size, scale, terms, first, disparities, behind, factor = source
     own_at, own_census_at, values_at, census_at, at, behind_at = (
         pointer(own), pointer(own_census), pointer(values), pointer(census), pointer(into), pointer(behind))
     largest = splat(np.float32(scale[4] * factor + np.float32(0.5)))
+    bit = np.uint16(scale[3] * factor + np.float32(0.5)) if terms[1] and not terms[0] else np.uint16(0)
+    pitch = size // height
     for x in range(width):
         k = y * width + x
         start = partner[k] + first
-        for d in range(0, stride, BLOCK):
+        inside = min(disparities, width - (start - y * pitch)) if bit > 0 else 0
+        whole = max(inside, 0) // BLOCK * BLOCK
+        own_bits = splat(own_census[k]) if bit > 0 else splat(np.uint64(0))
+        for d in range(0, whole, BLOCK):  # nothing but census, and all partners in the image: whole numbers
+            store(at, x * stride + d, narrow(count_ones(own_bits ^ load(census_at, start + d))) * half_splat(bit))
+        for d in range(whole, stride, BLOCK):
             cost = cost_vector(own_at, own_census_at, k, values_at, census_at, terms, planes, size, start + d, scale)
             scaled = cost * splat(factor) + load(behind_at, d)
             store(at, x * stride + d, to_uint16(minimum(scaled, largest)))
@@ -166,7 +197,7 @@ def _add_beside(row, into, width, stride):  # type: ignore[no-untyped-def]
 def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore[no-untyped-def]
     """Sum of the matching costs of the 3x3 pixels around each pixel of row y; rows must come from 0 on, one by one."""
     for new in range(0 if y == 0 else y + 1, min(y + 2, height)):
-        _cost_row(source, new, width, stride, raw)
+        _cost_row(source, new, height, width, stride, raw)
         _add_beside(raw, ring[new % 3], width, stride)
     above, here, below = pointer(ring[max(y - 1, 0) % 3]), pointer(ring[y % 3]), pointer(ring[(y + 1) % 3])
     below = here if y == height - 1 else below
@@ -203,8 +234,7 @@ def _clear_line(line, pixels, stride):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _fill_volume(source, height, width, stride, volume):  # type: ignore[no-untyped-def]
-    raw, ring = np.empty(width * stride, np.uint16), np.empty((3, width * stride), np.uint16)
+def _fill_volume(source, height, width, stride, raw, ring, volume):  # type: ignore[no-untyped-def]
     for y in range(height):
         into = volume[y * width * stride:(y + 1) * width * stride]
         _box_row(source, y, height, width, stride, raw, ring, into)
@@ -224,18 +254,18 @@ def _paths_from_below(volume, height, width, stride, p1, p2, line, into):  # typ
 
 @numba.njit(cache=True)
 def _smooth_view(  # type: ignore[no-untyped-def]
-    source, volume, below, height, width, stride, disparities, p1, p2, line, rows_line, costs, total, barrier, winner,
-    vertex,
+    source, volume, below, height, width, stride, disparities, p1, p2, line, rows_line, costs, total, raw, ring, beside,
+    barrier, winner, vertex,
 ):
     """All paths of one view; winner int32 (N,), vertex float32 (N,) or empty.
 
     source: what `_cost_row` needs. volume, below: uint16 (N * stride) aggregated costs and sums of the path from
-    below, or empty: then costs are computed row by row, or there is no such path. line, rows_line, costs, total:
-    scratch. barrier: uint16 (stride), 65535 behind the search range, else 0.
+    below, or empty: then costs are computed row by row, or there is no such path. line, rows_line, costs, total, raw,
+    ring, beside: scratch. barrier: uint16 (stride), 65535 behind the search range, else 0.
     """
     room, chunks = stride + 2 * LANES, stride // LANES
-    raw, ring = np.empty(width * stride, np.uint16), np.empty((3, width * stride), np.uint16)
     low = np.zeros(width, np.uint16)
+    winner_at, beside_at = pointer(winner), pointer(beside)
     _clear_line(line, width, stride)
     total_at, line_at, below_at, barrier_at = pointer(total), pointer(line), pointer(below), pointer(barrier)
     stored, from_below, subpixel = volume.size > 0, below.size > 0, vertex.size > 0
@@ -257,10 +287,22 @@ def _smooth_view(  # type: ignore[no-untyped-def]
             for x in range(width):
                 here, pixel = (r * width + x) * stride, (y + r) * width + x
                 lowest, d = _winner(total_at, here, below_at, pixel * stride, from_below, barrier_at, chunks)
-                winner[pixel] = d
+                winner_at[pixel] = d
                 if subpixel:
-                    offset = np.float32(0)
-                    if 0 < d < disparities - 1:
-                        offset = parabola(np.float32(total_at[here + d - 1]), np.float32(lowest),
-                                          np.float32(total_at[here + d + 1]))
-                    vertex[pixel] = offset
+                    beside_at[x] = total_at[here + max(d - 1, 0)]
+                    beside_at[width + x] = lowest
+                    beside_at[2 * width + x] = total_at[here + min(d + 1, stride - 1)]
+            if subpixel:
+                pixels = slice((y + r) * width, (y + r + 1) * width)
+                _vertices(beside.reshape(3, width), winner[pixels], disparities - 1, vertex[pixels])
+
+
+@numba.njit(cache=True)
+def _vertices(beside, winner, end, vertex):  # type: ignore[no-untyped-def]
+    """vertex[x]: of the parabola through the sums beside[0 .. 2, x], 0 at either end of the search range."""
+    cost_below, cost_here, cost_above = beside[0], beside[1], beside[2]
+    for x in range(winner.size):
+        below, lowest, above = np.float32(cost_below[x]), np.float32(cost_here[x]), np.float32(cost_above[x])
+        inside = np.float32(winner[x] > 0) * np.float32(winner[x] < end)
+        bend = max(below - np.float32(2) * lowest + above, np.float32(1))  # sums are whole numbers
+        vertex[x] = inside * min(max(np.float32(0.5) * (below - above) / bend, np.float32(-0.5)), np.float32(0.5))

@@ -34,7 +34,6 @@ class SpanningTrees:
     parent: Int32
     weight: Uint8
     _room: Int32
-    _edges: Int32
     _links: Uint8
     _weights: Uint8
 
@@ -43,15 +42,16 @@ class SpanningTrees:
         """Room for the trees of guides of `shape`, (H, W) or (H, W, C)."""
         height, width = shape[:2]
         nodes = height * width
-        room = np.zeros((2, 3, nodes + _SPARE), np.int32)
+        room = np.zeros((2, 2, nodes + _SPARE), np.int32)
         return cls(room[:, 0, :nodes], room[:, 1, :nodes], np.zeros((2, nodes), np.uint8), room,
-                   np.zeros((2, 2 * nodes), np.int32), np.zeros((2, 2, nodes + _SPARE), np.uint8),
-                   np.zeros((2, 2, height, width), np.uint8))
+                   np.zeros((2, 2, nodes + _SPARE), np.uint8), np.zeros((2, 2, height, width), np.uint8))
 
-    def build(self, left: Uint8, right: Uint8) -> None:
-        """From two guides, uint8 (H, W) or (H, W, C)."""
+    def build(self, left: Uint8, right: Uint8, scratch: Int32 | None = None) -> None:
+        """From two guides, uint8 (H, W) or (H, W, C). scratch: int32 (2, 3 N or more), made where there is none."""
+        if scratch is None:
+            scratch = np.empty((2, 3 * self.weight.shape[1]), np.int32)
         planes = np.stack([np.moveaxis(guide.reshape(*guide.shape[:2], -1), 2, 0) for guide in (left, right)])
-        _spanning_trees(planes, self._room, self.weight, self._edges, self._links, self._weights)
+        _spanning_trees(planes, self._room, self.weight, scratch, self._links, self._weights)
 
 
 @numba.njit(cache=True)
@@ -171,19 +171,20 @@ def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, w
 
 @numba.njit(cache=True, parallel=True)
 def _spanning_trees(
-    planes: Uint8, room: Int32, weight: Uint8, edges: Int32, links: Uint8, weights: Uint8
+    planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:
     for view in numba.prange(planes.shape[0]):
-        _spanning_tree(planes[view], room[view], weight[view], edges[view], links[view], weights[view])
+        _spanning_tree(planes[view], room[view], weight[view], scratch[view], links[view], weights[view])
 
 
 @numba.njit(cache=True)
-def _spanning_tree(planes: Uint8, room: Int32, weight: Uint8, edges: Int32, links: Uint8, weights: Uint8) -> None:
-    """room: pixel, parent and the union-find of Kruskal; links: links and the directions back to the parent."""
+def _spanning_tree(planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
+    """room: pixel and parent; links: links and the directions back to the parent."""
     nodes, width = weight.size, planes.shape[2]
+    edges, above = scratch[:2 * nodes], scratch[2 * nodes:3 * nodes]
     across, down = weights[0], weights[1]
     _edge_weights(planes, across, down)
     count = _sort_edges(across, down, edges)
-    _link_tree(edges[:count], width, room[2, :nodes], links[0, :nodes])
+    _link_tree(edges[:count], width, above, links[0, :nodes])
     _breadth_first(links[0, :nodes], width, room[0], room[1], links[1])
     _weights_to_parents(room[0], links[1], weights.reshape(-1), width, weight)

@@ -99,6 +99,17 @@ def splat(_: Any, value: Any) -> Any:
     return vector(value), generate
 
 
+@_intrinsic
+def half_splat(_: Any, value: Any) -> Any:
+    """`splat` of a uint16 to as many lanes as `to_uint16` and `narrow` give."""
+    vector = Vector(value, _LANES[types.float32])
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _splat(builder, arguments[0], vector.as_llvm())
+
+    return vector(value), generate
+
+
 def _splat(builder: Any, value: Any, kind: ir.VectorType) -> Any:
     nothing = ir.Constant(kind, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
@@ -127,6 +138,24 @@ _overload_operator(operator.sub, 'fsub', 'sub')
 _overload_operator(operator.mul, 'fmul', 'mul')
 _overload_operator(operator.xor, '', 'xor')
 _overload_operator(operator.or_, '', 'or_')
+
+
+def _shuffle(first_lane: Callable[[int], int], meaning: str) -> Any:
+    """Makes f(a, b): as many lanes as one has, from a and b joined, starting with `first_lane(lanes)`."""
+    @_intrinsic
+    def shuffle(_: Any, a: Any, b: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            lanes = [first_lane(a.lanes) + k for k in range(a.lanes)]
+            return builder.shuffle_vector(*arguments, ir.Constant(ir.VectorType(ir.IntType(32), a.lanes), lanes))
+
+        return a(a, b), generate
+
+    shuffle.__doc__ = meaning
+    return shuffle
+
+
+lower_neighbours = _shuffle(lambda lanes: lanes - 1, 'f(before, a): the lane below each lane of a.')
+upper_neighbours = _shuffle(lambda lanes: 1, 'f(a, after): the lane above each lane of a.')
 
 
 @_intrinsic
@@ -199,6 +228,17 @@ def to_uint16(_: Any, a: Any) -> Any:
 
 
 @_intrinsic
+def narrow(_: Any, a: Any) -> Any:
+    """Integers below 2^16 as uint16."""
+    vector = Vector(types.uint16, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.trunc(arguments[0], vector.as_llvm())
+
+    return vector(a), generate
+
+
+@_intrinsic
 def least(_: Any, a: Any) -> Any:
     """The smallest lane of unsigned integers."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -227,6 +267,17 @@ def smallest(_: Any, a: Any) -> Any:
         return context.make_tuple(builder, result, [smallest, _first_equal(builder, bits, smallest)])
 
     return result(a), generate
+
+
+@_intrinsic
+def lane_sum(_: Any, a: Any) -> Any:
+    """The sum of all lanes of floats, in an order that the processor may choose."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind = ir.FunctionType(ir.FloatType(), [ir.FloatType(), a.as_llvm()])
+        add = cgutils.get_or_insert_function(builder.module, kind, f'llvm.vector.reduce.fadd.v{a.lanes}f32')
+        return builder.call(add, [ir.Constant(ir.FloatType(), 0.0), arguments[0]], fastmath=('reassoc',))
+
+    return a.element(a), generate
 
 
 def _least(builder: Any, vector: Any, order: str) -> Any:

@@ -5,11 +5,14 @@ to find the median, and any number of threads, gives the same one.
 """
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Bool, Float32, Int32
+from .separable_median import separable_median
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
 _LARGEST_EXPONENT = np.float32(40)
@@ -39,10 +42,8 @@ def weighted_median(
     sigma_c on 0..1. The weight of q for p is exp(-|p - q|^2 / sigma_s^2) exp(-|g(p) - g(q)|^2 / sigma_c^2),
     the median the smallest label at which the weights summed from 0 reach half of their total.
     """
-    margin = window // 2
-    around = ((margin, margin), (margin, margin + _LANES))
-    near = np.pad(labels, around)
-    there = np.pad(guide / np.float32(sigma_c), ((0, 0), *around), constant_values=_NO_NEIGHBOUR).astype(np.float32)
+    near = _surrounded(labels[None], np.int32(1), window // 2, np.int32(0))[0]
+    there = _surrounded(guide, np.float32(1 / sigma_c), window // 2, _NO_NEIGHBOUR)
     exponents, scale = _spatial_exponents(window, sigma_s), _weight_scale(window)
     result = labels.copy()
     if wanted is None:
@@ -50,6 +51,37 @@ def weighted_median(
         _settle(near, there, exponents, window, scale, settled)
         wanted = ~settled
     _search(near, there, np.flatnonzero(wanted), exponents, window, scale, result)
+    return result
+
+
+def weighted_median_of_disparity(
+    labels: Int32, wanted: Bool | None, window: int, sigma_s: float, sigma_c: float, num_disparities: int
+) -> Int32:
+    """`weighted_median` guided by labels / num_disparities: the same result, sooner where all pixels are wanted."""
+    guide = (labels / np.float32(num_disparities)).astype(np.float32)[None]
+    if wanted is not None:
+        return weighted_median(labels, guide, wanted, window, sigma_s, sigma_c)
+    medians, certain = separable_median(labels, window, sigma_s, sigma_c * num_disparities,
+                                         float(_weight_scale(window)))
+    left_over = weighted_median(labels, guide, ~certain, window, sigma_s, sigma_c)
+    return np.where(certain, medians, left_over)
+
+
+@numba.njit(cache=True, parallel=True)
+def _surrounded(planes: NDArray[Any], factor: Any, margin: int, outside: Any) -> NDArray[Any]:
+    """planes (C, H, W) times factor, with margins of `outside`: on the right one more vector, which kernels load."""
+    channels, height, width = planes.shape
+    result = np.empty((channels, height + 2 * margin, width + 2 * margin + _LANES), planes.dtype)
+    for y in numba.prange(height + 2 * margin):
+        for c in range(channels):
+            to = result[c, y]
+            inside = margin <= y < height + margin
+            to[:margin if inside else to.size] = outside
+            if inside:
+                source = planes[c, y - margin]
+                for x in range(width):
+                    to[margin + x] = source[x] * factor
+                to[margin + width:] = outside
     return result
 
 

@@ -94,6 +94,35 @@ def support(parent, weight, sigma_tree, d_y):
     return np.exp(-distance / (255 * sigma_tree))
 
 
+def box_sum(volume):
+    """Sum of each pixel's 3x3 neighbours in a volume (H, W, D), the borders replicated."""
+    height, width = volume.shape[:2]
+    total = np.zeros_like(volume)
+    for y, x in np.ndindex(height, width):
+        for i, j in itertools.product((-1, 0, 1), repeat=2):
+            total[y, x] += volume[min(max(y + i, 0), height - 1), min(max(x + j, 0), width - 1)]
+    return total
+
+
+def path_costs(volume, step, p1, p2):
+    """L of one direction over a volume (H, W, D): the pixel before (y, x) is (y, x) - step."""
+    height, width, disparities = volume.shape
+    costs = np.zeros_like(volume)
+    rows = range(height) if step[0] >= 0 else range(height - 1, -1, -1)
+    columns = range(width) if step[1] >= 0 else range(width - 1, -1, -1)
+    for y, x in itertools.product(rows, columns):
+        before = y - step[0], x - step[1]
+        if not (0 <= before[0] < height and 0 <= before[1] < width):
+            costs[y, x] = volume[y, x]
+            continue
+        last = costs[before]
+        for d in range(disparities):
+            ways = [last[d], last.min() + p2]
+            ways += [last[other] + p1 for other in (d - 1, d + 1) if 0 <= other < disparities]
+            costs[y, x, d] = volume[y, x, d] + min(ways) - last.min()
+    return costs
+
+
 def parabola(below, best, above):
     """Vertex of the parabola through three equidistant values, within half a step."""
     bend = below - 2 * best + above

@@ -41,7 +41,8 @@ class Stages:
                 cost_aggregation._leaf_to_root(
                     *nodes, self.nodes.partner[view], self.nodes.own[view], self.nodes.own_census[view],
                     planes[1 - view], self.planes.census.reshape(2, -1)[1 - view], self.planes.values[0, 0].size,
-                    cost_scale(self.parameters), cost_terms(self.parameters), self.parameters.min_disparity + first, rows)
+                    cost_scale(self.parameters), cost_terms(self.parameters), self.parameters.min_disparity + first,
+                    rows)
                 behind = np.zeros(BLOCK, np.float32)
                 scrap = Winners.empty(1, self.nodes_count)
                 cost_aggregation._root_to_leaf(*nodes[:2], first, 0, behind, view == 0, rows,

@@ -31,7 +31,7 @@ def test_similarity_falls_with_weight_and_ends_at_the_cut():
 def test_a_cut_keeps_two_regions_apart():
     left = np.array([[10, 10, 200, 200]], np.uint8)
     right = np.array([[10, 20, 200, 200]], np.uint8)
-    parameters = MatcherParameters(num_disparities=1, d_y=100, tau_ad=1.0, alpha=0.0)
+    parameters = MatcherParameters(num_disparities=1, d_y=100, tau_ad=1.0, alpha=0.0, census_weight=0.0)
     assert Stages(left, right, parameters).volume()[0, 0, 2:, 0].tolist() == [0, 0]
     joined = Stages(left, right, parameters.replace(d_y=255)).volume()[0, 0, 2:, 0]
     assert (joined > 0).all()

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svdm_core.weighted_median import weighted_median
+from svdm_core.separable_median import separable_median
+from svdm_core.weighted_median import weighted_median, weighted_median_of_disparity
 
 
 def scene(height, width, channels, labels, seed):
@@ -65,3 +66,29 @@ def test_an_edge_of_the_guide_is_kept():
     labels = np.where(guide[0] > 0, 30, 10).astype(np.int32)
     labels[2, 3], labels[6, 8] = 30, 10
     np.testing.assert_array_equal(weighted_median(labels, guide, None, 7, 5.0, 0.1), np.where(guide[0] > 0, 30, 10))
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(st.tuples(st.integers(1, 12), st.integers(1, 40)), st.sampled_from([1, 3, 9, 31, 101]),
+       st.sampled_from([0.5, 4.0, 100.0]), st.sampled_from([0.01, 0.1, 5.0]), st.sampled_from([1, 3, 20, 300]),
+       st.integers(0, 2**32 - 1))
+def test_the_separable_median_is_the_literal_one(shape, window, sigma_s, sigma_c, end, seed):
+    disparities = np.random.default_rng(seed).integers(0, end, shape).astype(np.int32)
+    guide = (disparities / np.float32(end)).astype(np.float32)[None]
+    literal = weighted_median(disparities, guide, None, window, sigma_s, sigma_c)
+    separable = weighted_median_of_disparity(disparities, None, window, sigma_s, sigma_c, end)
+    np.testing.assert_array_equal(separable, literal)
+
+
+def test_the_separable_median_is_certain_nearly_everywhere():
+    steps = np.sort(np.random.default_rng(1).integers(0, 60, (80, 90)), axis=1).astype(np.int32)
+    scale = float(2**19)  # what weighted_median takes for this window
+    medians, certain = separable_median(steps, 31, 15.8, 0.175 * 64, scale)
+    assert certain.mean() > 0.98 and (medians != steps).any()
+
+
+def test_a_tie_is_left_to_the_whole_weights():
+    """Two labels of equal weight: float32 sums must not decide."""
+    labels = np.array([[0, 5]], np.int32)
+    assert not separable_median(labels, 3, 1e6, 1e6, 2.0**25)[1].all()
+    assert weighted_median_of_disparity(labels, None, 3, 1e6, 1e6, 1).tolist() == [[0, 0]]

@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 
+import cv2
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
@@ -27,10 +28,11 @@ SENT = 'sent '  # starts the line printed for each pair; its stamp in ns follows
 
 
 def image_message(pixels: NDArray[np.uint8]) -> Image:
-    """A bgr8 message of pixels (H, W, 3)."""
-    height, width, _ = pixels.shape
+    """A bgr8 message of pixels (H, W, 3), or mono8 of (H, W)."""
+    height, width = pixels.shape[:2]
     data = array.array('B', pixels.tobytes())  # any other type is copied element by element: 100 times slower
-    image = Image(height=height, width=width, encoding='bgr8', step=3 * width, data=data)
+    encoding = 'mono8' if pixels.ndim == 2 else 'bgr8'
+    image = Image(height=height, width=width, encoding=encoding, step=pixels.strides[0], data=data)
     image.header.frame_id = FRAME_ID
     return image
 
@@ -49,13 +51,16 @@ def camera_info_message(side: str, height: int, width: int) -> CameraInfo:
 class Camera(Node):
     """Publishes left and right, image and camera_info."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: tuple[int, int] | None = None) -> None:
+        """size: width and height in px, of grey images; None for the colour images as they are."""
         super().__init__('demo_camera')
         scene = load_scene()
         self._infos: list[tuple[Publisher, CameraInfo]] = []
         self._images: list[tuple[Publisher, Image]] = []
         for side, pixels in (('left', scene.left), ('right', scene.right)):
-            height, width, _ = pixels.shape
+            if size is not None:
+                pixels = cv2.resize(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), size, interpolation=cv2.INTER_AREA)
+            height, width = pixels.shape[:2]
             info_output = self.create_publisher(CameraInfo, f'{side}/camera_info', qos_profile_sensor_data)
             image_output = self.create_publisher(Image, f'{side}/image_rect', qos_profile_sensor_data)
             self._infos.append((info_output, camera_info_message(side, height, width)))
@@ -100,12 +105,13 @@ def main() -> None:
     """Entry of the process."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rate', type=float, default=10.0, help='pairs a second')
-    rate = parser.parse_args().rate
+    parser.add_argument('--size', type=int, nargs=2, metavar=('W', 'H'), help='grey images of this size, px')
+    options = parser.parse_args()
     stop = threading.Event()  # no exception: it could come between sending and counting
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    run(Camera(), rate, stop)
+    run(Camera(tuple(options.size) if options.size else None), options.rate, stop)
     rclpy.shutdown()
 
 
