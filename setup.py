@@ -25,7 +25,11 @@ setup(
         (f'share/{name}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     install_requires=['setuptools'],
-    extras_require={'test': ['pytest'], 'cli': ['rich', 'jinja2', 'scikit-image', 'matplotlib']},
+    extras_require={
+        'test': ['pytest'],
+        'cli': ['rich', 'jinja2', 'scikit-image', 'matplotlib'],
+        'tune': ['optuna', 'rich', 'jinja2', 'matplotlib'],
+    },
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -9,6 +9,7 @@ import sys
 COMMANDS = {
     'match': 'the disparity of one pair as a file, and a picture of it',
     'evaluate': 'svdm and OpenCV over the scenes of Middlebury or KITTI: a table, JSON, an HTML page',
+    'tune': 'find parameters on images with ground truth, one at a time or jointly',
     'benchmark': 'time the presets beside OpenCV StereoBM and StereoSGBM',
     'warmup': 'compile the kernels into the cache, so that the first frame comes soon',
 }

@@ -50,6 +50,17 @@ def load_preset(name_or_path: str | Path) -> MatcherParameters:
         raise ValueError(f'{path}: {error}') from None
 
 
+def preset_text(parameters: MatcherParameters, comment: str) -> str:
+    """A preset file that `load_preset` and the node read: everything but the search range, which is the camera's.
+
+    comment: one line, which says when to take it.
+    """
+    own = {name: value for name, value in parameters.as_dict().items()
+           if name not in ('min_disparity', 'num_disparities')}
+    values = yaml.safe_dump({'/**': {'ros__parameters': own}}, sort_keys=False)
+    return f'# {" ".join(comment.split())}\n{values}'
+
+
 def _there_are() -> str:
     try:
         return f'there are {", ".join(preset_names())}'
