@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from .arrays import Float32, Image
-from .evaluation import error_metrics
+from .evaluation.metrics import error_metrics
+from .evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 from .matcher import StereoMatcher
-from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 from .presets import load_preset
 
 ACCURACY = ('avgerr', 'bad1', 'bad2', 'bad4')

@@ -38,7 +38,7 @@ def kernel_cache() -> Iterator[None]:
 
 def _folder() -> Path:
     """The folder for the sources as they are, in the first place that can be written, else a temporary one."""
-    name = _PREFIX + _fingerprint()
+    name = _PREFIX + fingerprint()
     places = list(_places())
     for place in places:
         if _is_usable(place / name):
@@ -56,7 +56,8 @@ def _places() -> Iterator[Path]:
             yield Path(base) / 'svdm_core'
 
 
-def _fingerprint() -> str:
+def fingerprint() -> str:
+    """Changes with the sources of the matcher and with numba."""
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(_PACKAGE.glob('*.py')):
         digest.update(b'\0'.join([b'', source.name.encode(), source.read_bytes()]))

@@ -58,6 +58,18 @@ class ParameterInfo:
         result: bool | int | float | str = converted
         return result
 
+    def parse(self, text: str) -> bool | int | float | str:
+        """The value `text` stands for on a command line: 31, 1e-3, true, filled. Raises ValueError as `check`."""
+        if self.type is bool:
+            return self.check({'true': True, 'false': False}.get(text.strip().lower(), text))
+        if self.type is str:
+            return self.check(text.strip())
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        return self.check(number if math.isfinite(number) else text)
+
     def _holds(self, value: bool | int | float | str) -> bool:
         if self.choices:
             return value in self.choices

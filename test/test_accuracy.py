@@ -6,8 +6,8 @@ import pytest
 import skimage.data
 
 from svdm_core import StereoMatcher, load_preset
-from svdm_core.datasets import MIDDLEBURY_WEIGHTS, middlebury_scenes, read_middlebury_scene
-from svdm_core.evaluation import error_metrics, weighted_average
+from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS, middlebury_scenes, read_middlebury_scene
+from svdm_core.evaluation.metrics import error_metrics, weighted_average
 
 PRESETS = ('paper_start', 'paper', 'default', 'fast')
 

@@ -7,7 +7,7 @@ from scenes import noise, shifted_wall
 
 from svdm_core import cli, preset_names
 from svdm_core.benchmark import BenchmarkPair, contender_names, growth, ratios, run_benchmark
-from svdm_core.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
+from svdm_core.evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 
 
 @pytest.mark.parametrize('method', OPENCV_METHODS)

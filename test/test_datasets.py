@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from scenes import noise
 
-from svdm_core.datasets import middlebury_scenes, read_middlebury_scene, read_pfm
+from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene, read_pfm
 
 
 def write_pfm(path, values, scale=-1.0, kind='Pf'):

@@ -21,10 +21,10 @@ from scene_files import (
 )
 
 from svdm_core import cli, load_preset
-from svdm_core.datasets import MIDDLEBURY_WEIGHTS
-from svdm_core.evaluation import METRICS, weighted_average
-from svdm_core.paper import PAPER_AVGERR, PAPER_WEIGHTED
-from svdm_core.scene_evaluation import Contender
+from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS
+from svdm_core.evaluation.metrics import METRICS, weighted_average
+from svdm_core.evaluation.paper import PAPER_AVGERR, PAPER_WEIGHTED
+from svdm_core.evaluation.scene_evaluation import Contender
 
 REGIONS = ('nonocc', 'all')
 
@@ -277,7 +277,8 @@ def test_a_real_scene_beside_opencv(tmp_path):
     if not folder.is_dir():
         pytest.skip('SVDM_DATA names no folder with middlebury_v3_trainingQ')
     path = tmp_path / 'a.json'
-    assert cli.main(['evaluate', str(folder), '--scenes', 'Teddy', '--method', 'svdm,sgbm-hh', '--json', str(path)]) == 0
+    arguments = [str(folder), '--scenes', 'Teddy', '--method', 'svdm,sgbm-hh', '--json', str(path)]
+    assert cli.main(['evaluate', *arguments]) == 0
     svdm, sgbm = (method['weighted'] for method in json.loads(path.read_text())['methods'].values())
     assert 3 < svdm['avgerr_nonocc'] < 3.6 and 4.4 < svdm['avgerr_all'] < 5  # measured 3.41 and 4.77
     assert 3 < sgbm['avgerr_nonocc'] < 4

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from svdm_core.datasets import MIDDLEBURY_WEIGHTS
-from svdm_core.evaluation import error_metrics, weighted_average
+from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS
+from svdm_core.evaluation.metrics import error_metrics, weighted_average
 
 TRUTH = np.array([[10.0, 10.0, 10.0, 10.0, np.inf, 10.0]], np.float32)
 ESTIMATE = np.array([[10.0, 10.5, 13.0, 5.0, 99.0, np.nan]], np.float32)

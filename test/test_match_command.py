@@ -5,8 +5,8 @@ from scene_files import files_of
 from scenes import noise, shifted_wall
 
 from svdm_core import StereoMatcher, cli, load_preset, preset_names
-from svdm_core.datasets import read_pfm
 from svdm_core.disparity_files import encode_disparity
+from svdm_core.evaluation.datasets import read_pfm
 from svdm_core.presets import preset_folder
 
 SHIFT = 7
@@ -37,7 +37,8 @@ def test_each_format_holds_the_disparity_and_a_picture_lies_beside_it(pair, tmp_
     np.testing.assert_array_equal(read_pfm(tmp_path / 'a.pfm'), disparity)
     np.testing.assert_array_equal(np.load(tmp_path / 'a.npy'), disparity)
     steps = cv2.imread(str(tmp_path / 'a.png'), cv2.IMREAD_UNCHANGED)
-    assert steps.dtype == np.uint16 and (np.abs(steps / 256 - disparity) <= np.maximum(1 / 512, 1 / 256 - disparity)).all()
+    assert steps.dtype == np.uint16
+    assert (np.abs(steps / 256 - disparity) <= np.maximum(1 / 512, 1 / 256 - disparity)).all()
     assert np.median(disparity) == pytest.approx(SHIFT, abs=0.2)
     assert cv2.imread(str(tmp_path / 'npy.png'), cv2.IMREAD_UNCHANGED).shape == (40, 90, 3)
     assert '% passed the left-right check' in capsys.readouterr().out
@@ -75,8 +76,9 @@ def test_parameters_come_from_preset_file_and_set(pair, tmp_path):
                  'subpixel=TRUE', 'w_p=31') == 0
     left, right = shifted_wall(40, 90, SHIFT)
     paper = load_preset('paper').replace(num_disparities=16, subpixel=True)
+    expected = StereoMatcher(paper).compute(left, right).disparity
     for name in 'ab':
-        np.testing.assert_array_equal(np.load(tmp_path / f'{name}.npy'), StereoMatcher(paper).compute(left, right).disparity)
+        np.testing.assert_array_equal(np.load(tmp_path / f'{name}.npy'), expected)
 
 
 def test_sixteen_bit_and_colour_images_are_taken_as_they_are(tmp_path):

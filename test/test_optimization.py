@@ -4,13 +4,13 @@ import pytest
 from tuning_scenes import real_scenes, write_scenes
 
 from svdm_core import MatcherParameters, StereoMatcher, load_preset
-from svdm_core.datasets import middlebury_scenes, read_middlebury_scene
-from svdm_core.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
-from svdm_core.paper import PAPER_STUDY
-from svdm_core.stage_reuse import STAGE_4, StageReuse
-from svdm_core.streaks import streak_share
-from svdm_core.tuning_ranges import parse_range
-from svdm_core.tuning_store import FigureStore
+from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene
+from svdm_core.evaluation.paper import PAPER_STUDY
+from svdm_core.evaluation.streaks import streak_share
+from svdm_core.tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
+from svdm_core.tuning.ranges import parse_range
+from svdm_core.tuning.stage_reuse import STAGE_4, StageReuse
+from svdm_core.tuning.store import FigureStore
 
 
 @pytest.fixture(scope='module')

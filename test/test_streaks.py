@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from svdm_core import streaks
-from svdm_core.streaks import LENGTH, THICKNESS, streak_mask, streak_share
+from svdm_core.evaluation import streaks
+from svdm_core.evaluation.streaks import LENGTH, THICKNESS, streak_mask, streak_share
 
 SHAPE = (40, 60)
 

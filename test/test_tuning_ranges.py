@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from svdm_core import load_preset, parameter_info
-from svdm_core.paper import PAPER_STUDY, PAPER_STUDY_START
-from svdm_core.tuning_ranges import MAX_VALUES, paper_ranges, parse_range, parse_setting
+from svdm_core.commands.options import parse_changes
+from svdm_core.evaluation.paper import PAPER_STUDY, PAPER_STUDY_START
+from svdm_core.tuning.ranges import MAX_VALUES, paper_ranges, parse_range
 
 
 @pytest.mark.parametrize(('text', 'values'), [
@@ -66,7 +67,7 @@ def test_a_range_holds_each_step_exactly(first, count, step, downwards):
 
 @given(st.text(max_size=30))
 def test_any_other_text_is_refused_with_a_value_error(text):
-    for parse in (parse_range, parse_setting):
+    for parse in (parse_range, lambda text: parse_changes([text])):
         for arguments in (text, f'alpha={text}', f'w_p={text}', f'subpixel={text}'):
             with contextlib.suppress(ValueError):
                 parse(arguments)

@@ -10,7 +10,7 @@ from scenes import two_walls
 from test_datasets import write_pfm
 
 from svdm_core.commands import tune
-from svdm_core.datasets import middlebury_scenes, read_middlebury_scene
+from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene
 
 
 def write_scene(folder, seed, noise_level=25):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from .. import benchmark
-from ..datasets import read_image
+from ..evaluation.datasets import read_image
 from ..presets import preset_names
 from .options import count
 

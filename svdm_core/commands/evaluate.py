@@ -8,10 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..datasets import StereoScene
-from ..metric_names import check_metrics, default_metrics
-from ..output_files import check_outputs, write_outputs
-from ..scene_evaluation import (
+from ..evaluation.datasets import StereoScene
+from ..evaluation.metric_names import check_metrics, default_metrics
+from ..evaluation.scene_evaluation import (
     METHODS,
     OWN_METHOD,
     Contender,
@@ -21,11 +20,12 @@ from ..scene_evaluation import (
     parse_methods,
     summary,
 )
-from ..scene_sets import RESOLUTIONS, SceneSet, find_scenes
+from ..evaluation.scene_sets import RESOLUTIONS, SceneSet, find_scenes
+from ..output_files import check_outputs, write_outputs
 from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:
-    from ..evaluation_page import EvaluationPage
+    from ..evaluation.page import EvaluationPage
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Evaluate, print, and write what was asked for; 1 where a scene had to be left out, else 0."""
-    from .. import evaluation_table  # needs rich, which the help must do without
+    from ..evaluation import table  # needs rich, which the help must do without
 
     check_outputs([path for path in (options.json, options.html) if path is not None], options.force)
     check_metrics(options.metrics)
@@ -57,12 +57,12 @@ def run(options: argparse.Namespace) -> int:
     resolution = scene_set.resolution(options.resolution)
     page = _page(options, RESOLUTIONS[resolution])
     scenes = {name: _grey(read) if options.grey else read for name, read in scene_set.readers.items()}
-    with evaluation_table.progress(len(scenes)) as tell:
+    with table.progress(len(scenes)) as tell:
         result = evaluate(scenes, contenders, RESOLUTIONS[resolution], tell, page.add if page else _ignore)
     document = _document(options, scene_set, resolution, contenders, result)
     methods = document.get('methods') or {document['method']: document}
     metrics = options.metrics or default_metrics(scene_set.layout)
-    evaluation_table.print_tables(document, methods, metrics)
+    table.print_tables(document, methods, metrics)
     contents: dict[Path, bytes] = {}
     if options.json is not None:
         contents[options.json] = (json.dumps(document, indent=1, allow_nan=False) + '\n').encode()
@@ -84,7 +84,7 @@ def _contenders(options: argparse.Namespace) -> list[Contender]:
 def _page(options: argparse.Namespace, factor: int) -> EvaluationPage | None:
     if options.html is None:
         return None
-    from ..evaluation_page import EvaluationPage  # needs jinja2
+    from ..evaluation.page import EvaluationPage  # needs jinja2
 
     return EvaluationPage(factor)
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from ..colour_maps import DISPARITY_COLOURS, colour_map, shown_range
-from ..datasets import read_image
 from ..disparity_files import check_suffix, encode_disparity, encode_png
+from ..evaluation.datasets import read_image
 from ..matcher import StereoMatcher
 from ..output_files import check_outputs, write_outputs
 from .options import add_parameter_options, add_threads_option, parameters_of

@@ -42,17 +42,5 @@ def parse_changes(changes: Sequence[str]) -> dict[str, bool | int | float | str]
         name, equals, text = change.partition('=')
         if not equals:
             raise ValueError(f'--set {change} is not allowed: write it as name=value')
-        values[name] = parameter_info(name).check(_typed(text, parameter_info(name).type))
+        values[name] = parameter_info(name).parse(text)
     return values
-
-
-def _typed(text: str, wanted: type) -> bool | int | float | str:
-    """`text` as `wanted` where it can be read so, else as it is, for the table to refuse."""
-    if wanted is bool:
-        return {'true': True, 'false': False}.get(text.lower(), text)
-    if wanted is str:
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -9,34 +9,36 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..datasets import middlebury_scenes, read_middlebury_scene
-from ..optimization import FIGURES, Evaluator, joint_search, one_at_a_time
+from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
 from ..output_files import check_outputs, write_outputs
-from ..presets import load_preset, preset_text
-from ..tuning_ranges import ParameterRange, once_each, paper_ranges, parse_range, parse_setting
-from ..tuning_store import FigureStore
+from ..presets import preset_text
+from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
+from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
+from ..tuning.store import FigureStore
+from .options import add_parameter_options, add_threads_option, count, parameters_of, parse_changes
 
 if TYPE_CHECKING:
-    from .. import tuning_report  # needs rich
+    from ..tuning import report  # needs rich
 
 _EPILOG = '''Without --search the parameters are varied one after the other, each from the best so far. A parameter may
-be given twice, coarse and then fine.'''
+be given twice, coarse and then fine. --study paper starts from preset paper_start.'''
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.epilog = _EPILOG
-    parser.add_argument('folder', type=Path, metavar='FOLDER', help='scenes in the layout of Middlebury v3')
+    parser.add_argument('folder', type=Path, metavar='FOLDER', help='scenes in the layout of Middlebury v3 or KITTI')
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument('--vary', action='append', metavar='NAME=VALUES', help='alpha=10:11:0.1 or w_p=11,21,31')
     what.add_argument('--study', choices=('paper',), help="the ranges of the paper's Tables 2 to 5, its figures beside")
-    parser.add_argument('--search', type=int, metavar='N', help='search jointly, N trials (needs optuna)')
+    parser.add_argument('--search', type=count, metavar='N', help='search jointly, N trials (needs optuna)')
     parser.add_argument('--objective', choices=FIGURES, default=FIGURES[0], help='what to make small (%(default)s)')
-    parser.add_argument('--preset', help='the start, a name or a file (default; paper_start with --study paper)')
-    parser.add_argument('--set', action='append', default=[], metavar='NAME=VALUE', help='change the start')
-    parser.add_argument('--scenes', metavar='A,B', help='only these (all)')
-    parser.add_argument('--scale', type=float, default=4.0, help='full-resolution px a px of the images (%(default)g)')
-    parser.add_argument('--threads', type=int, default=0, help='threads of the matcher (all cores)')
+    add_parameter_options(parser)
+    parser.set_defaults(preset=None)
+    parser.add_argument('--scenes', nargs='+', action='extend', default=[], metavar='NAME', help='these only')
+    parser.add_argument('--resolution', choices=RESOLUTIONS,
+                        help='of the images: quarter, half or full (Q; KITTI has F only)')
+    add_threads_option(parser)
     parser.add_argument('--storage', type=Path, metavar='FILE',
                         help='keep what is computed here; a run that is started again goes on from it')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write all figures')
@@ -51,16 +53,16 @@ def run(options: argparse.Namespace) -> int:
     ranges = _ranges(options)
     _check_modules(options)
     study = _study(options, ranges)
-    from .. import tuning_report
+    from ..tuning import report
 
-    tuning_report.print_table(study)
+    report.print_table(study)
     print(f'{study.evaluate.maps} maps were computed')
     texts = {}
     if options.json:
-        texts[options.json] = json.dumps(tuning_report.document(study), indent=1) + '\n'
+        texts[options.json] = json.dumps(report.document(study), indent=1) + '\n'
     if options.html:
-        from .. import tuning_page
-        texts[options.html] = tuning_page.page(study)
+        from ..tuning import page
+        texts[options.html] = page.page(study)
     if options.best:
         texts[options.best] = preset_text(study.best.parameters, _when_to_take(study))
     write_outputs({path: text.encode() for path, text in texts.items()}, options.force)
@@ -71,20 +73,22 @@ def _ranges(options: argparse.Namespace) -> list[ParameterRange]:
     ranges = paper_ranges() if options.study else [parse_range(text) for text in options.vary]
     if options.search is not None:
         once_each(ranges)
-        if options.search < 1:
-            raise ValueError(f'--search {options.search} is not allowed: it must be 1 or more trials')
     return ranges
 
 
-def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> tuning_report.Study:
-    from ..tuning_report import Study
+def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> report.Study:
+    from ..tuning.report import Study
 
-    preset = options.preset or ('paper_start' if options.study else 'default')
-    parameters = load_preset(preset).replace(**dict(map(parse_setting, options.set)))
-    scenes = [read_middlebury_scene(path) for path in _chosen(middlebury_scenes(options.folder), options.scenes)]
+    check_tunable(parse_changes(options.changes))
+    if options.preset is None:
+        options.preset = 'paper_start' if options.study else 'default'
+    parameters = parameters_of(options)
+    scene_set = find_scenes(options.folder).chosen(options.scenes)
+    factor = RESOLUTIONS[scene_set.resolution(options.resolution)]
+    scenes = [read() for read in scene_set.readers.values()]
     store = FigureStore(options.storage)
     with _progress(len(scenes) * (1 + _sets(ranges, options.search))) as advance:
-        evaluate = Evaluator(scenes, options.scale, options.threads, store, advance)
+        evaluate = Evaluator(scenes, factor, options.threads, store, advance)
         start = evaluate(parameters)
         steps, trials = [], []
         if options.search is None:
@@ -115,17 +119,7 @@ def _check_modules(options: argparse.Namespace) -> None:
             raise ImportError(f"{name} is not installed, of the extra 'tune'")
 
 
-def _chosen(folders: list[Path], names: str | None) -> list[Path]:
-    if names is None:
-        return folders
-    known = {folder.name: folder for folder in folders}
-    for name in names.split(','):
-        if name not in known:
-            raise ValueError(f'no scene {name!r}: there are {", ".join(known)}')
-    return [known[name] for name in dict.fromkeys(names.split(','))]
-
-
-def _when_to_take(study: tuning_report.Study) -> str:
+def _when_to_take(study: report.Study) -> str:
     names = [scene.name for scene in study.evaluate.scenes]
     scenes = ', '.join(names) if len(names) <= 3 else f'{len(names)} scenes, {names[0]} to {names[-1]}'
     error = f'{study.objective} {study.best.average[study.objective]:.2f}'

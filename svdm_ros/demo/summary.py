@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from svdm_core.evaluation import error_metrics
+from svdm_core.evaluation.metrics import error_metrics
 
 METRICS = ('avgerr', 'bad1', 'bad2', 'bad4', 'density')
 

@@ -8,9 +8,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ..evaluation.paper import PAPER_STUDY, PaperStudyTable
+from ..parameters import MatcherParameters
 from .optimization import FIGURES, Evaluation, Evaluator, Step
-from .paper import PAPER_STUDY, PaperStudyTable
-from .parameters import MatcherParameters
 
 HEADINGS = {'avgerr_nonocc': 'avgerr nonocc px', 'avgerr_all': 'avgerr all px', 'bad2_nonocc': 'bad2 nonocc %',
             'bad2_all': 'bad2 all %', 'bad4_nonocc': 'bad4 nonocc %', 'bad4_all': 'bad4 all %',

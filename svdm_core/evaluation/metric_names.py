@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .evaluation import METRICS
+from .metrics import METRICS
 from .scene_evaluation import SCENE_METRICS
 
 REGION_TITLES = {'nonocc': 'visible pixels (nonocc)', 'all': 'all pixels (all)'}

@@ -11,11 +11,11 @@ import cv2
 import jinja2
 import numpy as np
 
-from .arrays import Image
-from .colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
+from ..arrays import Image
+from ..colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
 from .datasets import StereoScene
-from .evaluation import weighted_average
 from .metric_names import REGION_TITLES, larger_is_better, unit, written
+from .metrics import weighted_average
 from .paper import PAPER_AVGERR
 from .scene_evaluation import REGIONS, JudgedScene
 

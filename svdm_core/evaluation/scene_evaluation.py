@@ -10,12 +10,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .arrays import Bool, Float32
+from ..arrays import Bool, Float32
+from ..matcher import StereoMatcher
+from ..parameters import MatcherParameters
 from .datasets import StereoScene
-from .evaluation import METRICS, error_metrics, weighted_average
-from .matcher import StereoMatcher
+from .metrics import METRICS, error_metrics, weighted_average
 from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher, settings_of
-from .parameters import MatcherParameters
 
 OWN_METHOD = 'svdm'
 METHODS = (OWN_METHOD, *OPENCV_METHODS)

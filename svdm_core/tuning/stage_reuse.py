@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Bool, Float32, Image, Int32
-from .disparity_refinement import left_right_check, refine
-from .matcher import StereoMatcher
-from .parameters import MatcherParameters, parameter_table
+from ..arrays import Bool, Float32, Image, Int32
+from ..disparity_refinement import left_right_check, refine
+from ..matcher import StereoMatcher
+from ..parameters import MatcherParameters, parameter_table
 
 _NAMES = [info.name for info in parameter_table()]  # in the order of the stages
 

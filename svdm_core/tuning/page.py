@@ -6,10 +6,10 @@ from typing import Any
 
 import jinja2
 
-from . import streaks
+from ..evaluation import streaks
 from .optimization import FIGURES, Step
-from .tuning_pictures import draw_image, draw_map, draw_step, draw_trials
-from .tuning_report import HEADINGS, Study, document, paper_table, path
+from .pictures import draw_image, draw_map, draw_step, draw_trials
+from .report import HEADINGS, Study, document, paper_table, path
 
 MAP_SCENES = ('Adirondack', 'MotorcycleE', 'Recycle')  # those of the paper's Figure 1
 _SHOWN_TRIALS = 20

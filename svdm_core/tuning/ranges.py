@@ -2,12 +2,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal, DecimalException
-from typing import Any
 
-from .paper import PAPER_STUDY
-from .parameters import ParameterInfo, parameter_info
+from ..evaluation.paper import PAPER_STUDY
+from ..parameters import parameter_info
 
 MAX_VALUES = 1000
 
@@ -36,37 +35,27 @@ def parse_range(text: str) -> ParameterRange:
     name, separator, values = text.partition('=')
     if not separator or not values:
         raise ValueError(f'{text!r} is not a range: write it as alpha=10:11:0.1 or w_p=11,21,31')
-    info = _info(name)
+    info = parameter_info(name)
+    check_tunable([name])
     parts = values.split(':')
     if len(parts) == 1:
-        return ParameterRange(name, _distinct(text, [parse_value(info, value) for value in values.split(',')]))
+        return ParameterRange(name, _distinct(text, [info.parse(value) for value in values.split(',')]))
     if len(parts) != 3 or info.type not in (int, float):
         raise ValueError(f'{text!r} is not a range: '
                          f'write {"first:last:step" if info.type in (int, float) else "the values as a,b"}')
-    return ParameterRange(name, _distinct(text, [info.check(_number(info, value)) for value in _steps(text, parts)]))
-
-
-def parse_setting(text: str) -> tuple[str, Value]:
-    """`name=value`, as of `--set`. ValueError with one line."""
-    name, separator, value = text.partition('=')
-    if not separator:
-        raise ValueError(f'{text!r} is not a setting: write it as w_p=31')
-    return name, parse_value(_info(name), value)
-
-
-def parse_value(info: ParameterInfo, text: str) -> Value:
-    """The value `text` stands for; ValueError naming parameter, value and what is allowed."""
-    if info.type is str:
-        return info.check(text)
-    if info.type is bool:
-        return info.check({'true': True, 'false': False}.get(text, text))
-    number = _decimal(text)
-    return info.check(text if number is None else _number(info, number))
+    return ParameterRange(name, _distinct(text, [info.check(float(value)) for value in _steps(text, parts)]))
 
 
 def paper_ranges() -> list[ParameterRange]:
     """The ranges of the paper's Tables 2 to 5."""
     return [ParameterRange(table.parameter, table.values) for table in PAPER_STUDY]
+
+
+def check_tunable(names: Iterable[str]) -> None:
+    """ValueError where one of `names` is not a setting but a property of the scene."""
+    for name in names:
+        if name in ('min_disparity', 'num_disparities'):
+            raise ValueError(f'{name} cannot be set here: each scene has its own')
 
 
 def once_each(ranges: Sequence[ParameterRange]) -> None:
@@ -77,13 +66,6 @@ def once_each(ranges: Sequence[ParameterRange]) -> None:
             raise ValueError(f'{name} is varied twice: a joint search takes one range a parameter')
 
 
-def _info(name: str) -> ParameterInfo:
-    info = parameter_info(name)
-    if name in ('min_disparity', 'num_disparities'):
-        raise ValueError(f'{name} cannot be set here: each scene has its own, from its calib.txt')
-    return info
-
-
 def _decimal(text: str) -> Decimal | None:
     """The finite number `text` is, else None."""
     try:
@@ -91,10 +73,6 @@ def _decimal(text: str) -> Decimal | None:
     except DecimalException:
         return None
     return value if value.is_finite() else None
-
-
-def _number(info: ParameterInfo, value: Decimal) -> Any:
-    return int(value) if info.type is int and value == int(value) else float(value)
 
 
 def _steps(text: str, parts: list[str]) -> list[Decimal]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .arrays import Bool, Float32, Image
+from ..arrays import Bool, Float32, Image
 
 # Middlebury v3 counts the scenes with the harder light or structure half.
 MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
-from .arrays import Float32, Image, Uint8
+from ..arrays import Float32, Image, Uint8
+from ..evaluation.paper import PaperStudyTable
+from ..evaluation.streaks import streak_mask
 from .optimization import Evaluation, Step
-from .paper import PaperStudyTable
-from .streaks import streak_mask
 
 MAP_WIDTH = 360  # px
 _RED = (40, 40, 255)

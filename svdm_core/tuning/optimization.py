@@ -8,14 +8,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from .arrays import Float32
-from .datasets import MIDDLEBURY_WEIGHTS, StereoScene
-from .evaluation import error_metrics, weighted_average
-from .parameters import MatcherParameters
+from ..arrays import Float32
+from ..evaluation.datasets import MIDDLEBURY_WEIGHTS, StereoScene
+from ..evaluation.metrics import error_metrics, weighted_average
+from ..evaluation.streaks import streak_share
+from ..parameters import MatcherParameters
+from .ranges import ParameterRange, Value, once_each
 from .stage_reuse import StageReuse
-from .streaks import streak_share
-from .tuning_ranges import ParameterRange, Value, once_each
-from .tuning_store import FigureStore, scene_fingerprint
+from .store import FigureStore, scene_fingerprint
 
 FIGURES = ('avgerr_nonocc', 'avgerr_all', 'bad2_nonocc', 'bad2_all', 'bad4_nonocc', 'bad4_all', 'streaks')
 """avgerr in full-resolution px, the rest in %. Smaller is better."""
@@ -60,22 +60,20 @@ class Evaluator:
     def __init__(
         self,
         scenes: Sequence[StereoScene],
-        scale: float = 4.0,
+        factor: float = 4.0,
         threads: int = 0,
         store: FigureStore | None = None,
         advance: Callable[[], None] = lambda: None,
     ) -> None:
-        """scale: full-resolution px a px of the images. advance: called after each scene.
+        """factor: full-resolution px per px of the images. advance: called after each scene.
 
-        ValueError where there is no scene, or scale is not positive.
+        ValueError where there is no scene.
         """
         if not scenes:
             raise ValueError('no scene to tune on')
-        if not 0 < scale < math.inf:
-            raise ValueError(f'scale = {scale!r} is not allowed: it must be more than 0, full-resolution px a px')
         self.scenes = list(scenes)
         self.maps = 0
-        self._scale = scale
+        self._factor = factor
         self._advance = advance
         self._matcher = StageReuse(threads)
         self._store = store or FigureStore()
@@ -93,21 +91,21 @@ class Evaluator:
 
     def _figures(self, scene: StereoScene, parameters: MatcherParameters) -> dict[str, float]:
         fitted = _fitted(parameters, scene).as_dict()
-        basis = json.dumps([fitted, self._scale, self._fingerprints[scene.name]])
+        basis = json.dumps([fitted, self._factor, self._fingerprints[scene.name]])
         key = hashlib.sha256(basis.encode()).hexdigest()
         figures = self._store.get(key)
         if figures is None:
-            figures = judged(self.disparity(scene, parameters), scene, self._scale)
+            figures = judged(self.disparity(scene, parameters), scene, self._factor)
             self.maps += 1
             self._store.put(key, figures, scene=scene.name, parameters=fitted)
         self._advance()
         return figures
 
 
-def judged(disparity: Float32, scene: StereoScene, scale: float) -> dict[str, float]:
+def judged(disparity: Float32, scene: StereoScene, factor: float) -> dict[str, float]:
     """FIGURES of a disparity map (H, W). ValueError where one is not a number."""
-    nonocc = error_metrics(disparity, scene.ground_truth, scene.nonocc, scale)
-    everywhere = error_metrics(disparity, scene.ground_truth, None, scale)
+    nonocc = error_metrics(disparity, scene.ground_truth, scene.nonocc, factor)
+    everywhere = error_metrics(disparity, scene.ground_truth, None, factor)
     figures = {f'{name}_{region}': values[name] for name in ('avgerr', 'bad2', 'bad4')
                for region, values in (('nonocc', nonocc), ('all', everywhere))}
     figures['streaks'] = streak_share(disparity, scene.left)
