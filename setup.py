@@ -17,7 +17,7 @@ setup(
     license=manifest.findtext('license'),
     python_requires='>=3.12',
     packages=find_packages(include=['svdm_core', 'svdm_core.*', 'svdm_ros', 'svdm_ros.*']),
-    package_data={'svdm_core': ['templates/*.jinja']},
+    package_data={'svdm_core': ['*/templates/*.jinja']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),

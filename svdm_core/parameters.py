@@ -54,7 +54,8 @@ class ParameterInfo:
         if converted is None or not self._holds(converted):
             unit = f' {self.unit}' if self.unit else ''
             kind = {int: 'an integer, ', float: 'a number, '}.get(self.type, '')
-            raise ValueError(f'{self.name} = {value!r} is not allowed: it must be {kind}{self.allowed}{unit}')
+            shown = converted if isinstance(converted, int) else value  # 4, also where it was given as 4.0
+            raise ValueError(f'{self.name} = {shown!r} is not allowed: it must be {kind}{self.allowed}{unit}')
         result: bool | int | float | str = converted
         return result
 

@@ -104,8 +104,8 @@ def test_nothing_is_overwritten_without_force(pair, tmp_path, capsys):
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--set', 'alpha=-1'], 'alpha = -1.0 is not allowed: it must be a number, 0.0 to 1000.0'),
-    (['--set', 'alpha=nan'], 'alpha = nan is not allowed'),
-    (['--set', 'w_p=30'], 'w_p = 30.0 is not allowed: it must be an integer, 1, 3 ... 101 px'),
+    (['--set', 'alpha=nan'], "alpha = 'nan' is not allowed"),
+    (['--set', 'w_p=30'], 'w_p = 30 is not allowed: it must be an integer, 1, 3 ... 101 px'),
     (['--set', 'subpixel=1'], "subpixel = '1' is not allowed: it must be true | false"),
     (['--set', 'paths=five'], "paths = 'five' is not allowed: it must be an integer, 3 to 4"),
     (['--set', 'gradient=vertical'], "gradient = 'vertical' is not allowed: it must be horizontal | magnitude"),

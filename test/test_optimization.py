@@ -62,7 +62,7 @@ def test_one_at_a_time_goes_on_from_the_best(scenes):
 
 
 def test_the_figures_are_those_of_the_maps(scenes):
-    evaluation = Evaluator(scenes, scale=2.0, threads=1)(MatcherParameters(alpha=3.0))
+    evaluation = Evaluator(scenes, factor=2.0, threads=1)(MatcherParameters(alpha=3.0))
     scene = scenes[0]
     result = StereoMatcher(MatcherParameters(alpha=3.0, num_disparities=16), 1).compute(scene.left, scene.right)
     error = 2 * np.abs(result.disparity - scene.ground_truth)

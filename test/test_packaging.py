@@ -18,7 +18,8 @@ from catkin_pkg.package import parse_package
 CHECKOUT = Path(__file__).resolve().parents[1]
 VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
 ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
-PRESETS = ('default.yaml', 'paper.yaml', 'paper_start.yaml')
+PRESETS = ('default.yaml', 'fast.yaml', 'paper.yaml', 'paper_start.yaml')
+TEMPLATES = ('evaluation/templates/evaluation.html.jinja', 'tuning/templates/tuning.html.jinja')
 NODE_TOPICS = {f'{side}/{topic}' for side in ('left', 'right') for topic in ('image_rect', 'camera_info')}
 
 
@@ -182,7 +183,7 @@ def prefix(tmp_path_factory) -> Path:
     'share/svdm_ros/config/fastdds.xml',
     *(f'share/svdm_ros/config/{preset}' for preset in PRESETS),
     'share/svdm_ros/launch/disparity.launch.py',
-    'lib/python3.12/site-packages/svdm_core/templates/evaluation.html.jinja',
+    *(f'lib/python3.12/site-packages/svdm_core/{template}' for template in TEMPLATES),
     *(f'share/svdm_ros/hook/ament_prefix_path.{kind}' for kind in ('dsv', 'sh')),
 ])
 def test_colcon_installs(prefix, path):

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from .metrics import METRICS
 from .scene_evaluation import SCENE_METRICS
 
+OF_THE_MAP = ('streaks', 'time_ms')
+"""Figures that are of no region."""
+
 REGION_TITLES = {'nonocc': 'visible pixels (nonocc)', 'all': 'all pixels (all)'}
 
 
@@ -13,12 +16,12 @@ def unit(metric: str) -> str:
     """px, % or ms."""
     if metric == 'time_ms':
         return 'ms'
-    return '%' if metric.startswith(('bad', 'density', 'valid')) else 'px'
+    return '%' if metric.startswith(('bad', 'density', 'valid', 'streaks')) else 'px'
 
 
 def written(metric: str, value: float) -> str:
     """The value with as many digits as its unit is worth."""
-    digits = {'px': 2, '%': 1, 'ms': 0}[unit(metric)]
+    digits = 2 if metric == 'streaks' else {'px': 2, '%': 1, 'ms': 0}[unit(metric)]
     return f'{value:.{digits}f}'
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import Image
 from ..colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
 from .datasets import StereoScene
-from .metric_names import REGION_TITLES, larger_is_better, unit, written
+from .metric_names import OF_THE_MAP, REGION_TITLES, larger_is_better, unit, written
 from .metrics import weighted_average
 from .paper import PAPER_AVGERR
 from .scene_evaluation import REGIONS, JudgedScene
@@ -93,7 +93,7 @@ class EvaluationPage:
 
 
 def _shown(metrics: Sequence[str]) -> list[str]:
-    return [*metrics, *(['valid'] if 'valid' not in metrics else []), 'time_ms']
+    return [*metrics, *(['valid'] if 'valid' not in metrics else []), *OF_THE_MAP]
 
 
 def _by_scene(
@@ -119,7 +119,7 @@ def _averages(methods: Mapping[str, Any], metrics: Sequence[str], region: str) -
     """Method -> its weighted averages; the best method of each metric is marked."""
     columns = []
     for metric in metrics:
-        key = metric if metric == 'time_ms' else f'{metric}_{region}'
+        key = metric if metric in OF_THE_MAP else f'{metric}_{region}'
         columns.append(_cells(metric, [method['weighted'][key] for method in methods.values()]))
     return {name: [column[number] for column in columns] for number, name in enumerate(methods)}
 

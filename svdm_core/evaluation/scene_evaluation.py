@@ -16,6 +16,7 @@ from ..parameters import MatcherParameters
 from .datasets import StereoScene
 from .metrics import METRICS, error_metrics, weighted_average
 from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher, settings_of
+from .streaks import streak_share
 
 OWN_METHOD = 'svdm'
 METHODS = (OWN_METHOD, *OPENCV_METHODS)
@@ -25,7 +26,8 @@ SCENE_METRICS = (*METRICS, 'valid')  # each of them for each region
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class JudgedScene:
-    """disparity: float32 (H, W), px, dense. figures: '<metric>_<region>' as in `judge`, time_ms, num_disparities."""
+    """disparity: float32 (H, W), px, dense. figures: '<metric>_<region>', streaks, time_ms and num_disparities,
+    as in `judge`."""
 
     disparity: Float32
     figures: dict[str, float]
@@ -71,7 +73,8 @@ class Contender:
 
         Figures: METRICS for nonocc (pixels that both views see) and all, over known ground truth; valid, the % of
         these pixels that the matcher itself vouches for before it fills (left-right check; OpenCV's own answer).
-        time_ms is of this one frame, filling included. Raises ValueError where the method cannot match the scene.
+        streaks, % of the map: see `streak_share`. time_ms is of this one frame, filling included. Raises ValueError
+        where the method cannot match the scene.
         """
         num_disparities = self._num_disparities or scene.num_disparities
         start = time.perf_counter()
@@ -81,7 +84,8 @@ class Contender:
             raise ValueError(f'{scene.name}: {self.method} cannot match it: {error.err}') from None
         milliseconds = 1e3 * (time.perf_counter() - start)
         figures = scene_figures(disparity, valid, scene, factor)
-        return JudgedScene(disparity, {**figures, 'time_ms': milliseconds, 'num_disparities': num_disparities})
+        return JudgedScene(disparity, {**figures, 'streaks': streak_share(disparity, scene.left),
+                                         'time_ms': milliseconds, 'num_disparities': num_disparities})
 
     def _match(self, scene: StereoScene, num_disparities: int) -> tuple[Float32, Bool]:
         if self.method == OWN_METHOD:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from .metric_names import REGION_TITLES, unit, written
+from .metric_names import OF_THE_MAP, REGION_TITLES, unit, written
 from .scene_evaluation import REGIONS
 
 _WIDTH = 140  # characters, where the output is no terminal
@@ -36,7 +36,7 @@ def print_tables(document: Mapping[str, Any], methods: Mapping[str, Any], metric
         table = Table(title=f'{document["layout"]}, {REGION_TITLES[region]}, errors in full-resolution px')
         for column in ('scene', 'method'):
             table.add_column(column, no_wrap=True)
-        for metric in (*metrics, 'time_ms'):
+        for metric in (*metrics, *OF_THE_MAP):
             table.add_column(f'{metric.removesuffix("_ms")}\n{unit(metric)}', justify='right', no_wrap=True)
         for scene in document['scenes']:
             figures = {name: method['scenes'][scene] for name, method in methods.items()}
@@ -51,4 +51,5 @@ def _add_rows(
 ) -> None:
     for number, (method, values) in enumerate(figures.items()):
         cells = [written(metric, values[f'{metric}_{region}']) for metric in metrics]
-        table.add_row('' if number else label, method, *cells, written('time_ms', values['time_ms']))
+        whole = [written(metric, values[metric]) for metric in OF_THE_MAP]
+        table.add_row('' if number else label, method, *cells, *whole)
