@@ -1,0 +1,1 @@
+"""Finding parameters on scenes with ground truth."""
