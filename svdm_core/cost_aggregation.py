@@ -72,7 +72,7 @@ def aggregate(
 
     scratch: float32 (2, slots, N * BLOCK), finite; each slot of each view is one task, which works through its
     share of the disparities a block at a time. Costs are sums weighted by support and not divided by its sum: one
-    factor a node changes neither its winner nor its parabola.
+    factor a node changes neither its winner nor its vertex.
     """
     values = planes.values.reshape(2, -1)
     census = planes.census.reshape(2, -1)

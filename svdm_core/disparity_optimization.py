@@ -42,8 +42,8 @@ class Winners:
         """The result in image order: winners and the left view's sub-pixel offsets.
 
         pixel: int32 (2, N), pixel of each node, the right view's mirrored. per_slot: disparities of a slot. Returns
-        int32 (2, H, W), disparity - min_disparity, the right view still mirrored; and float32 (H, W), the vertex of
-        the parabola through the winner's cost and its neighbours', -0.5 .. 0.5 px, 0 at the ends of the search range.
+        int32 (2, H, W), disparity - min_disparity, the right view still mirrored; and float32 (H, W), `symmetric_v` of
+        the winner's cost and its neighbours', -0.5 .. 0.5 px, 0 at the ends of the search range.
         """
         winner = np.empty((2, *shape), np.int32)
         vertex = np.empty(shape, np.float32)
@@ -77,12 +77,14 @@ def take_smallest(row, rows, block, k, first, start, subpixel, best, index, besi
 
 
 @numba.njit(cache=True, inline='always')
-def parabola(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
-    """Vertex of the parabola through three costs, the middle one the smallest: -0.5 .. 0.5 disparities."""
-    bend = below - np.float32(2) * best + above
-    if bend <= 0:
-        return np.float32(0)
-    return min(max(np.float32(0.5) * (below - above) / bend, np.float32(-0.5)), np.float32(0.5))
+def symmetric_v(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
+    """Vertex of the V with equal slopes through three costs, the middle one the smallest: -0.5 .. 0.5 disparities.
+
+    Costs that are sums of absolute differences are V-shaped; a parabola draws their vertices to whole disparities
+    (Haller and Nedevschi 2012).
+    """
+    slope = max(below, above) - best
+    return np.float32(0.5) * (below - above) / slope if slope > 0 else np.float32(0)
 
 
 @numba.njit(cache=True)
@@ -111,5 +113,5 @@ def _images(
                 at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < slots - 1
                 below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
                 above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]
-                offset = parabola(below, cost[0, slot, k], above)
+                offset = symmetric_v(below, cost[0, slot, k], above)
             vertex[pixel[0, k]] = offset

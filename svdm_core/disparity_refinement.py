@@ -1,6 +1,7 @@
 """Stage 4, disparity refinement: left-right check, filling (eqs 15-16), weighted median (eqs 17-19)."""
 from __future__ import annotations
 
+import cv2
 import numba
 import numpy as np
 
@@ -42,7 +43,7 @@ def refine(
 
     winner: int32 (H, W), disparity - min_disparity. vertex: float32 (H, W), sub-pixel offset of the winner
     or None. valid: bool (H, W). left: the left image. A valid pixel whose median is its own winner keeps
-    its sub-pixel disparity.
+    its sub-pixel disparity, up to the final median.
     """
     filled = fill_along_scanlines(winner, valid)
     wanted = ~valid if parameters.median_scope == 'filled' else None
@@ -54,7 +55,7 @@ def refine(
     disparity = (median + parameters.min_disparity).astype(np.float32)
     if vertex is not None:
         disparity += np.where(valid & (median == winner), vertex, np.float32(0))
-    return disparity
+    return disparity if parameters.final_median == 1 else np.asarray(cv2.medianBlur(disparity, parameters.final_median))
 
 
 @numba.njit(cache=True, parallel=True)

@@ -18,7 +18,8 @@ from .disparity_optimization import Winners
 from .disparity_refinement import left_right_check, refine
 from .matching_cost import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
-from .semiglobal_optimization import cost_factor, padded, scratch_size, semiglobal_winners
+from .semiglobal_optimization import cost_factor, padded, scaled_penalties, scratch_size, semiglobal_winners
+from .smoothness_penalties import fill_penalties, penalties_shape
 from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
@@ -119,8 +120,7 @@ class StereoMatcher:
             aggregate_volume(trees, nodes, planes, parameters, buffers.scratch, cost_factor(parameters),
                              padded(parameters.num_disparities), buffers.volume)
         with clock.stage('disparity_optimization'):
-            return semiglobal_winners(nodes, planes, parameters, shape, buffers.volume, buffers.below,
-                                      buffers.lines)
+            return _smoothed(left, right, parameters, buffers)
 
     def _in_boxes(
         self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
@@ -130,8 +130,7 @@ class StereoMatcher:
             buffers.planes.fill(left, right, parameters.gradient)
             buffers.nodes.gather_pixels(buffers.planes, left.shape[1])
         with clock.stage('disparity_optimization'):
-            return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume,
-                                      buffers.below, buffers.lines)
+            return _smoothed(left, right, parameters, buffers)
 
     def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
         """The last frame's buffers where they fit, else new ones."""
@@ -201,6 +200,8 @@ class _Buffers:
         self.volume = aligned_zeros((2, nodes * stride if layout.volume else 0), np.uint16)
         rows = 0 if layout.tree and not layout.volume else scratch_size(layout.shape[1], layout.num_disparities)
         self.lines = aligned_zeros((2, rows), np.uint16)
+        smooth = rows > 0
+        self.penalties = np.zeros(penalties_shape(*layout.shape[:2]) if smooth else (2, 2, 0), np.uint16)
         self.below = aligned_zeros((2, nodes * stride if layout.from_below else 0), np.uint16)
 
 
@@ -239,7 +240,18 @@ def _checked(
     return np.require(left, requirements=('C', 'W')), np.require(right, requirements=('C', 'W'))
 
 
+def _smoothed(left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers) -> tuple[Int32, Float32]:
+    penalties = buffers.penalties
+    fill_penalties(_in_8_bit(left), _in_8_bit(right), *scaled_penalties(parameters), parameters.p2_edge, penalties)
+    return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume, buffers.below,
+                              buffers.lines, penalties)
+
+
+def _in_8_bit(image: Image) -> Uint8:
+    return (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
+
+
 def _tree_guide(image: Image, parameters: MatcherParameters) -> Uint8:
     """The image the tree is built on: 8 bit, so that an edge weighs 0..255 grey levels, smoothed if wanted."""
-    guide: Uint8 = (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
+    guide = _in_8_bit(image)
     return guide if parameters.guide_blur == 1 else np.asarray(cv2.medianBlur(guide, parameters.guide_blur), np.uint8)

@@ -136,13 +136,16 @@ class MatcherParameters:
         1, 'aperture of the median that smooths the image the tree is built on; 1 is off', unit='px',
         minimum=1, maximum=5, step=2)
     subpixel: bool = _parameter(
-        True, 'refine the winning disparity by the parabola through its neighbours')
+        True, 'refine the winning disparity by the symmetric V through the costs of its neighbours')
     p1: float = _parameter(
         0.1, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
         minimum=0.0, maximum=1000.0)
     p2: float = _parameter(
-        0.45, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
+        0.9, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
         minimum=0.0, maximum=1000.0)
+    p2_edge: float = _parameter(
+        30.0, 'step of the image over which p2 is halved, p2 / (1 + step / p2_edge); 0 leaves p2 as it is',
+        unit='grey levels', minimum=0.0, maximum=1000.0)
     paths: int = _parameter(
         4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
         minimum=3, maximum=4)
@@ -160,6 +163,9 @@ class MatcherParameters:
         14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
     sigma_c: float = _parameter(
         0.1, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0)
+    final_median: int = _parameter(
+        5, 'side of the plain median over the finished map, with its sub-pixel parts; 1 is off', unit='px',
+        minimum=1, maximum=5, step=2)
 
     def __post_init__(self) -> None:
         for info in parameter_table():

@@ -1,8 +1,9 @@
 """Stage 3, semi-global: costs smoothed along scanlines from several directions before the winner takes all.
 
-L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q), q the pixel before p (Hirschmueller
-2008), summed over the paths from the left, the right, above and, if wanted, below. Costs are uint16, scaled so that no
-sum overflows; the disparities of a pixel lie side by side, filled up to whole vectors with the largest cost.
+L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2(q, p)) - min L(q), q the pixel before p
+(Hirschmueller 2008), summed over the paths from the left, the right, above and, if wanted, below. Costs are uint16,
+scaled so that no sum overflows; the disparities of a pixel lie side by side, filled up to whole vectors with the
+largest cost.
 
 Rows are worked on from top to bottom, a few at a time so that they stay in the cache and that the vector
 instructions of one row need not wait for those of its left neighbour. Only the path from below needs a volume.
@@ -16,6 +17,7 @@ from .arrays import Float32, Int16, Int32, Uint16, UInt64
 from .cost_aggregation import ForestNodes
 from .matching_cost import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
 from .parameters import MatcherParameters
+from .smoothness_penalties import FROM_ABOVE, FROM_LEFT
 from .vectors import (
     count_ones,
     first_equal,
@@ -64,26 +66,31 @@ def cost_factor(parameters: MatcherParameters) -> float:
 
 def semiglobal_winners(
     nodes: ForestNodes, planes: MatchingPlanes, parameters: MatcherParameters, shape: tuple[int, int], volume: Uint16,
-    below: Uint16, scratch: Uint16,
+    below: Uint16, scratch: Uint16, penalties: Uint16,
 ) -> tuple[Int32, Float32]:
     """Smooth both views and take the winners; returns what `Winners.images` does.
 
     nodes: in the order of the pixels, from which box aggregation takes its costs. volume: uint16 (2, N * stride),
     stride of `padded`, holds the costs of tree aggregation; scratch for box aggregation with the path from below,
     else (2, 0). below: scratch of that shape where there is that path, else (2, 0).
-    scratch: uint16 (2, `scratch_size`).
+    scratch: uint16 (2, `scratch_size`). penalties: of `fill_penalties` with `scaled_penalties`.
     """
     winner = np.empty((2, *shape), np.int32)
     vertex = np.zeros(shape, np.float32)
     factor = cost_factor(parameters)
-    p1, p2 = (np.uint16(round(p * INTENSITY * _summed(parameters) * factor))
-              for p in (min(parameters.p1, parameters.p2), parameters.p2))
     _smooth(nodes.own, nodes.own_census, nodes.partner, planes.values.reshape(2, -1), planes.census.reshape(2, -1),
             planes.values.shape[1], planes.values[0, 0].size, cost_scale(parameters), cost_terms(parameters),
             parameters.min_disparity, parameters.num_disparities, np.float32(factor), volume, below, scratch, *shape,
-            padded(parameters.num_disparities), p1, p2, parameters.aggregation == 'box', winner.reshape(2, -1),
+            padded(parameters.num_disparities), np.uint16(scaled_penalties(parameters)[0]), penalties,
+            parameters.aggregation == 'box', winner.reshape(2, -1),
             vertex.reshape(-1) if parameters.subpixel else vertex.reshape(-1)[:0])
     return winner, vertex
+
+
+def scaled_penalties(parameters: MatcherParameters) -> tuple[int, int]:
+    """P1, at most P2, and P2 in the unit of the path costs."""
+    unit = INTENSITY * _summed(parameters) * cost_factor(parameters)
+    return round(min(parameters.p1, parameters.p2) * unit), round(parameters.p2 * unit)
 
 
 def _summed(parameters: MatcherParameters) -> int:
@@ -95,8 +102,8 @@ def _summed(parameters: MatcherParameters) -> int:
 def _smooth(
     own: Float32, own_census: UInt64, partner: Int32, values: Int16, census: UInt64, planes: int, size: int,
     scale: CostScale, terms: tuple[bool, bool], first: int, disparities: int, factor: np.float32, volume: Uint16,
-    below: Uint16, scratch: Uint16, height: int, width: int, stride: int, p1: np.uint16, p2: np.uint16, box: bool,
-    winner: Int32, vertex: Float32,
+    below: Uint16, scratch: Uint16, height: int, width: int, stride: int, p1: np.uint16, penalties: Uint16,
+    box: bool, winner: Int32, vertex: Float32,
 ) -> None:
     barrier = np.zeros(stride, np.uint16)
     barrier[disparities:] = 65535
@@ -113,9 +120,10 @@ def _smooth(
         if box and volume.size:
             _fill_volume(source, height, width, stride, raw, ring, volume[view])
         if below.size:
-            _paths_from_below(volume[view], height, width, stride, p1, p2, line, below[view])
-        _smooth_view(source, volume[view], below[view], height, width, stride, disparities, p1, p2, line, rows_line,
-                     costs, total, raw, ring, beside, barrier, winner[view], vertex if view == 0 else vertex[:0])
+            _paths_from_below(volume[view], height, width, stride, p1, penalties[view], line, below[view])
+        _smooth_view(source, volume[view], below[view], height, width, stride, disparities, p1, penalties[view], line,
+                     rows_line, costs, total, raw, ring, beside, barrier, winner[view],
+                     vertex if view == 0 else vertex[:0])
 
 
 @numba.njit(cache=True)
@@ -207,8 +215,11 @@ def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore
 
 
 @numba.njit(cache=True)
-def _along_rows(cost, at, total, rows, width, stride, p1, p2, line):  # type: ignore[no-untyped-def]
-    """Paths from the left and from the right over a few rows of costs (from `at` on), summed into total."""
+def _along_rows(cost, at, total, rows, width, stride, p1, penalty, line):  # type: ignore[no-untyped-def]
+    """Paths from the left and from the right over a few rows of costs (from `at` on), summed into total.
+
+    penalty: FROM_LEFT of these rows, and one more.
+    """
     room = stride + 2 * LANES
     chunks = stride // LANES
     cost_at, total_at, line_at = pointer(cost), pointer(total), pointer(line)
@@ -221,7 +232,7 @@ def _along_rows(cost, at, total, rows, width, stride, p1, p2, line):  # type: ig
             for r in range(rows):
                 here = (r * width + x) * stride
                 low[r] = _advance(line_at, r * room + LANES, cost_at, at + here, total_at, here, backwards == 1,
-                                  low[r], p1, p2, chunks)
+                                  low[r], p1, penalty[r * width + x + backwards], chunks)
 
 
 @numba.njit(cache=True)
@@ -241,27 +252,30 @@ def _fill_volume(source, height, width, stride, raw, ring, volume):  # type: ign
 
 
 @numba.njit(cache=True)
-def _paths_from_below(volume, height, width, stride, p1, p2, line, into):  # type: ignore[no-untyped-def]
+def _paths_from_below(volume, height, width, stride, p1, penalties, line, into):  # type: ignore[no-untyped-def]
     room, chunks = stride + 2 * LANES, stride // LANES
     low = np.zeros(width, np.uint16)
     _clear_line(line, width, stride)
     line_at, volume_at, into_at = pointer(line), pointer(volume), pointer(into)
+    penalty = penalties[FROM_ABOVE]
     for y in range(height - 1, -1, -1):
         for x in range(width):
             here = (y * width + x) * stride
-            low[x] = _advance(line_at, x * room + LANES, volume_at, here, into_at, here, False, low[x], p1, p2, chunks)
+            low[x] = _advance(line_at, x * room + LANES, volume_at, here, into_at, here, False, low[x], p1,
+                              penalty[(y + 1) * width + x], chunks)
 
 
 @numba.njit(cache=True)
 def _smooth_view(  # type: ignore[no-untyped-def]
-    source, volume, below, height, width, stride, disparities, p1, p2, line, rows_line, costs, total, raw, ring, beside,
-    barrier, winner, vertex,
+    source, volume, below, height, width, stride, disparities, p1, penalties, line, rows_line, costs, total, raw, ring,
+    beside, barrier, winner, vertex,
 ):
     """All paths of one view; winner int32 (N,), vertex float32 (N,) or empty.
 
     source: what `_cost_row` needs. volume, below: uint16 (N * stride) aggregated costs and sums of the path from
-    below, or empty: then costs are computed row by row, or there is no such path. line, rows_line, costs, total, raw,
-    ring, beside: scratch. barrier: uint16 (stride), 65535 behind the search range, else 0.
+    below, or empty: then costs are computed row by row, or there is no such path. penalties: uint16 (2, N + W).
+    line, rows_line, costs, total, raw, ring, beside: scratch. barrier: uint16 (stride), 65535 behind the search range,
+    else 0.
     """
     room, chunks = stride + 2 * LANES, stride // LANES
     low = np.zeros(width, np.uint16)
@@ -269,6 +283,7 @@ def _smooth_view(  # type: ignore[no-untyped-def]
     _clear_line(line, width, stride)
     total_at, line_at, below_at, barrier_at = pointer(total), pointer(line), pointer(below), pointer(barrier)
     stored, from_below, subpixel = volume.size > 0, below.size > 0, vertex.size > 0
+    from_above = penalties[FROM_ABOVE]
     for y in range(0, height, _ROWS):
         rows = min(_ROWS, height - y)
         if not stored:
@@ -276,13 +291,13 @@ def _smooth_view(  # type: ignore[no-untyped-def]
                 into = costs[r * width * stride:(r + 1) * width * stride]
                 _box_row(source, y + r, height, width, stride, raw, ring, into)
         cost, at = (volume, y * width * stride) if stored else (costs, 0)
-        _along_rows(cost, at, total, rows, width, stride, p1, p2, rows_line)
+        _along_rows(cost, at, total, rows, width, stride, p1, penalties[FROM_LEFT, y * width:], rows_line)
         cost_at = pointer(cost)
         for r in range(rows):
             for x in range(width):
                 here = (r * width + x) * stride
-                low[x] = _advance(line_at, x * room + LANES, cost_at, at + here, total_at, here, True, low[x], p1, p2,
-                                  chunks)
+                low[x] = _advance(line_at, x * room + LANES, cost_at, at + here, total_at, here, True, low[x], p1,
+                                  from_above[(y + r) * width + x], chunks)
             # A loop of its own: what was just stored is slow to load.
             for x in range(width):
                 here, pixel = (r * width + x) * stride, (y + r) * width + x
@@ -299,10 +314,10 @@ def _smooth_view(  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def _vertices(beside, winner, end, vertex):  # type: ignore[no-untyped-def]
-    """vertex[x]: of the parabola through the sums beside[0 .. 2, x], 0 at either end of the search range."""
+    """vertex[x]: `symmetric_v` of the sums beside[0 .. 2, x], 0 at either end of the search range."""
     cost_below, cost_here, cost_above = beside[0], beside[1], beside[2]
     for x in range(winner.size):
         below, lowest, above = np.float32(cost_below[x]), np.float32(cost_here[x]), np.float32(cost_above[x])
         inside = np.float32(winner[x] > 0) * np.float32(winner[x] < end)
-        bend = max(below - np.float32(2) * lowest + above, np.float32(1))  # sums are whole numbers
-        vertex[x] = inside * min(max(np.float32(0.5) * (below - above) / bend, np.float32(-0.5)), np.float32(0.5))
+        slope = max(max(below, above) - lowest, np.float32(1))  # sums are whole numbers
+        vertex[x] = inside * (np.float32(0.5) * (below - above) / slope)

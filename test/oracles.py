@@ -105,7 +105,7 @@ def box_sum(volume):
 
 
 def path_costs(volume, step, p1, p2):
-    """L of one direction over a volume (H, W, D): the pixel before (y, x) is (y, x) - step."""
+    """L of one direction over a volume (H, W, D): the pixel before (y, x) is (y, x) - step; p2(before, here)."""
     height, width, disparities = volume.shape
     costs = np.zeros_like(volume)
     rows = range(height) if step[0] >= 0 else range(height - 1, -1, -1)
@@ -117,16 +117,29 @@ def path_costs(volume, step, p1, p2):
             continue
         last = costs[before]
         for d in range(disparities):
-            ways = [last[d], last.min() + p2]
+            ways = [last[d], last.min() + p2(before, (y, x))]
             ways += [last[other] + p1 for other in (d - 1, d + 1) if 0 <= other < disparities]
             costs[y, x, d] = volume[y, x, d] + min(ways) - last.min()
     return costs
 
 
-def parabola(below, best, above):
-    """Vertex of the parabola through three equidistant values, within half a step."""
-    bend = below - 2 * best + above
-    return float(np.clip(0.5 * (below - above) / bend, -0.5, 0.5)) if bend > 0 else 0.0
+def jump_penalty(image, p1, p2, p2_edge):
+    """p2(before, here) for `path_costs`: smaller where the largest channel difference is large, p1 at least."""
+    planes = image.reshape(*image.shape[:2], -1).astype(int)
+
+    def penalty(before, here):
+        edge = np.abs(planes[before] - planes[here]).max()
+        return max(round(p2 / (1 + edge / p2_edge)), p1)
+
+    return penalty
+
+
+def symmetric_v(below, best, above):
+    """Where two lines of opposite slopes meet, the steeper side's, through three equidistant values."""
+    slope = max(below, above) - best
+    if slope == 0:
+        return 0.0
+    return (below - above) / (2 * slope)
 
 
 def left_right_check(left, right, min_disparity, tau_lr):

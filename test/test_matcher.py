@@ -17,8 +17,8 @@ from svdm_core.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
 
-# The paper's stages 1 to 3.
-LITERAL = {'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1}
+# The paper's stages.
+LITERAL = {'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1, 'final_median': 1}
 
 
 def match(left, right, parameters=SMALL, threads=0):
@@ -96,7 +96,6 @@ def test_subpixel_is_nearer_to_a_fractional_shift(stages):
     left, right = texture[:, 20:140], moved[:, 20:140]
     errors = [np.abs(match(left, right, SMALL.replace(subpixel=on, **stages)).disparity[5:-5, 12:-12] - 6.3).mean()
               for on in (False, True)]
-    # a parabola through absolute differences, which are V-shaped, is drawn to whole pixels
     assert errors[0] == pytest.approx(0.3, abs=0.05) and errors[1] < 0.75 * errors[0]
 
 

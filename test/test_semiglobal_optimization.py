@@ -8,13 +8,26 @@ from svdm_core import MatcherParameters, StereoMatcher
 from svdm_core.arrays import aligned_zeros
 from svdm_core.cost_aggregation import ForestNodes, aggregate_volume
 from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes
-from svdm_core.semiglobal_optimization import cost_factor, padded, scratch_size, semiglobal_winners
+from svdm_core.semiglobal_optimization import (
+    cost_factor,
+    padded,
+    scaled_penalties,
+    scratch_size,
+    semiglobal_winners,
+)
+from svdm_core.smoothness_penalties import FROM_ABOVE, FROM_LEFT, fill_penalties, penalties_shape
 
 STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))  # from the left, the right, above and below
 
 
-def smooth(stages, parameters, volume, paths):
-    """`semiglobal_winners` over a volume (2, H, W, D), or over boxes without one."""
+def penalties_of(left, right, parameters):
+    penalties = np.full(penalties_shape(*left.shape[:2]), 7, np.uint16)  # what has no meaning must not matter
+    fill_penalties(left, right, *scaled_penalties(parameters), parameters.p2_edge, penalties)
+    return penalties
+
+
+def smooth(stages, parameters, volume, paths, pair=None):
+    """`semiglobal_winners` over a volume (2, H, W, D), or over boxes without one; `pair` for its edges."""
     height, width = stages.shape
     stride = padded(parameters.num_disparities)
     empty = np.zeros((2, 0), np.uint16)
@@ -26,28 +39,33 @@ def smooth(stages, parameters, volume, paths):
     below = np.full((2, height * width * stride), 7, np.uint16) if paths == 4 else empty
     scratch = aligned_zeros((2, scratch_size(width, parameters.num_disparities)), np.uint16)
     scratch[:] = 999  # what was there before must not matter
-    return semiglobal_winners(stages.nodes, stages.planes, parameters, stages.shape, stored, below, scratch)
+    penalties = penalties_of(*(pair or [np.zeros(stages.shape, np.uint8)] * 2), parameters)
+    return semiglobal_winners(stages.nodes, stages.planes, parameters, stages.shape, stored, below, scratch, penalties)
 
 
 @pytest.mark.parametrize('paths', [3, 4])
-@pytest.mark.parametrize(('shape', 'disparities'), [
-    ((1, 1), 1), ((1, 9), 5), ((8, 1), 3), ((5, 7), 32), ((6, 5), 33), ((9, 8), 40), ((4, 6), 70),
+@pytest.mark.parametrize(('shape', 'disparities', 'p2_edge'), [
+    ((1, 1), 1, 9.0), ((1, 9), 5, 9.0), ((8, 1), 3, 9.0), ((5, 7), 32, 0.0), ((6, 5), 33, 40.0), ((9, 8), 40, 9.0),
+    ((4, 6), 70, 1000.0), ((5, 7, 3), 20, 25.0),
 ])
-def test_winners_and_vertices_are_those_of_the_summed_paths(shape, disparities, paths):
-    parameters = MatcherParameters(num_disparities=disparities, p1=0.02, p2=0.07, paths=paths)
-    stages = Stages(noise(*shape), noise(*shape, seed=1), parameters)
+def test_winners_and_vertices_are_those_of_the_summed_paths(shape, disparities, p2_edge, paths):
+    parameters = MatcherParameters(num_disparities=disparities, p1=0.02, p2=0.12, p2_edge=p2_edge, paths=paths)
+    pair = noise(*shape), noise(*shape, seed=1)
+    shape = shape[:2]
+    stages = Stages(*pair, parameters)
     volume = np.random.default_rng(disparities).integers(0, 300, (2, *shape, disparities)) * 20
-    winner, vertex = smooth(stages, parameters, volume, paths)
+    winner, vertex = smooth(stages, parameters, volume, paths, pair)
 
     unit = cost_factor(parameters) * INTENSITY
-    p1, p2 = round(0.02 * unit), round(0.07 * unit)
-    for view in range(2):
-        total = sum(oracles.path_costs(volume[view], step, p1, p2) for step in STEPS[:paths])
+    p1, p2 = round(0.02 * unit), round(0.12 * unit)
+    for view, image in enumerate((pair[0], pair[1][:, ::-1])):
+        jump = oracles.jump_penalty(image, p1, p2, p2_edge) if p2_edge else lambda _before, _here: p2
+        total = sum(oracles.path_costs(volume[view], step, p1, jump) for step in STEPS[:paths])
         np.testing.assert_array_equal(winner[view], total.argmin(axis=2))
         if view == 0:
             for (y, x), d in np.ndenumerate(winner[0]):
                 inside = 0 < d < disparities - 1
-                expected = oracles.parabola(*total[y, x, d - 1:d + 2]) if inside else 0.0
+                expected = oracles.symmetric_v(*total[y, x, d - 1:d + 2]) if inside else 0.0
                 assert vertex[y, x] == pytest.approx(expected, abs=1e-6)
 
 
@@ -73,11 +91,24 @@ def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, dispa
 
     stored = np.zeros((2, stages.nodes_count * padded(disparities)), np.uint16)
     scratch = aligned_zeros((2, scratch_size(shape[1], disparities)), np.uint16)
-    filled = semiglobal_winners(stages.nodes, stages.planes, parameters, shape, stored, stored[:, :0], scratch)
+    flat = penalties_of(left * 0, right * 0, parameters)
+    filled = semiglobal_winners(stages.nodes, stages.planes, parameters, shape, stored, stored[:, :0], scratch, flat)
     np.testing.assert_array_equal(filled[0], directly[0])
     np.testing.assert_array_equal(filled[1], directly[1])
     sums = stored.reshape(2, *shape, -1)[..., :disparities].astype(int)
     np.testing.assert_allclose(sums, volume, atol=1)
+
+
+def test_a_penalty_is_halved_at_an_edge_of_p2_edge_and_never_below_p1():
+    image = np.zeros((3, 4, 3), np.uint8)
+    image[:, 2:, 1] = 20
+    image[2, :, 2] = 180
+    penalties = np.zeros(penalties_shape(3, 4), np.uint16)
+    fill_penalties(image, image, 30, 200, 20.0, penalties)
+    left, mirrored = penalties.reshape(2, 2, 4, 4)
+    np.testing.assert_array_equal(left[FROM_LEFT, :3, 1:], [[200, 100, 200]] * 3)
+    np.testing.assert_array_equal(mirrored[FROM_LEFT, :3, 1:], [[200, 100, 200]] * 3)
+    np.testing.assert_array_equal(left[FROM_ABOVE, 1:3], [[200] * 4, [30] * 4])
 
 
 def test_the_volume_after_the_tree_is_divided_by_the_support_and_scaled():
@@ -122,7 +153,7 @@ def test_smoothing_takes_specks_away_and_keeps_a_wall():
     off = []
     for p2 in (0.0, 0.3):
         parameters = MatcherParameters(num_disparities=20, aggregation='box', census_weight=0.3, tau_ad=0.0, alpha=0.0,
-                                       p1=0.05, p2=p2, w_p=1)
+                                       p1=0.05, p2=p2, w_p=1, final_median=1)
         disparity = StereoMatcher(parameters).compute(left, right).disparity[:, 8:]
         off.append((np.abs(disparity - 6) > 1).mean())
     assert off[1] < 0.2 * off[0] and off[0] > 0.02
