@@ -119,7 +119,7 @@ class MatcherParameters:
     alpha: float = _parameter(
         10.7, 'weight of the gradient term against the absolute difference (eq 8)', minimum=0.0, maximum=1000.0)
     tau_ad: float = _parameter(
-        7 / 255, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0)
+        0.04, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0)
     tau_gm: float = _parameter(
         2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0)
     census_weight: float = _parameter(
@@ -138,13 +138,13 @@ class MatcherParameters:
     subpixel: bool = _parameter(
         True, 'refine the winning disparity by the symmetric V through the costs of its neighbours')
     p1: float = _parameter(
-        0.1, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
+        0.07, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
         minimum=0.0, maximum=1000.0)
     p2: float = _parameter(
         0.9, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
         minimum=0.0, maximum=1000.0)
     p2_edge: float = _parameter(
-        30.0, 'step of the image over which p2 is halved, p2 / (1 + step / p2_edge); 0 leaves p2 as it is',
+        20.0, 'step of the image over which p2 is halved, p2 / (1 + step / p2_edge); 0 leaves p2 as it is',
         unit='grey levels', minimum=0.0, maximum=1000.0)
     paths: int = _parameter(
         4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
