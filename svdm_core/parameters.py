@@ -129,7 +129,7 @@ class MatcherParameters:
         'tree', 'support of a pixel: all others along a minimum spanning tree (the paper), or the 3x3 box around it',
         choices=('tree', 'box'))
     sigma_tree: float = _parameter(
-        0.03, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
+        0.015, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
     d_y: int = _parameter(
         255, 'tree edges heavier than this are cut (eq 10); 255 cuts none', unit='grey levels', minimum=0, maximum=255)
     guide_blur: int = _parameter(
