@@ -175,7 +175,8 @@ def _cost_row(source, y, height, width, stride, into):  # type: ignore[no-untype
     own_at, own_census_at, values_at, census_at, at, behind_at = (
         pointer(own), pointer(own_census), pointer(values), pointer(census), pointer(into), pointer(behind))
     largest = splat(np.float32(scale[4] * factor + np.float32(0.5)))
-    bit = np.uint16(scale[3] * factor + np.float32(0.5)) if terms[1] and not terms[0] else np.uint16(0)
+    whole_bits = terms[1] and not terms[0] and scale[3] * factor > np.float32(0.99)  # as `cost_factor` made them
+    bit = np.uint16(scale[3] * factor + np.float32(0.5)) if whole_bits else np.uint16(0)
     pitch = size // height
     for x in range(width):
         k = y * width + x

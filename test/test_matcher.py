@@ -12,13 +12,13 @@ import pytest
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
-from svdm_core import MatcherParameters, StereoMatcher, load_preset
+from svdm_core import MatcherParameters, StereoMatcher, load_preset, matcher
 from svdm_core.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
 
 # The paper's stages.
-LITERAL = {'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1, 'final_median': 1}
+LITERAL = {'tau_ad': 7 / 255, 'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1, 'final_median': 1}
 
 
 def match(left, right, parameters=SMALL, threads=0):
@@ -99,11 +99,39 @@ def test_subpixel_is_nearer_to_a_fractional_shift(stages):
     assert errors[0] == pytest.approx(0.3, abs=0.05) and errors[1] < 0.75 * errors[0]
 
 
+@pytest.mark.parametrize('stages', [{}, LITERAL, {'aggregation': 'box'}])
 @pytest.mark.parametrize('scope', ['filled', 'all'])
-def test_a_constant_scene_gets_the_smallest_disparity(scope):
-    grey = np.full((12, 30), 77, np.uint8)
-    result = match(grey, grey, SMALL.replace(min_disparity=3, median_scope=scope))
+def test_a_constant_scene_gets_the_smallest_disparity(scope, stages):
+    grey = np.full((12, 70), 77, np.uint8)
+    result = match(grey, grey, SMALL.replace(min_disparity=3, num_disparities=50, median_scope=scope, **stages))
     assert (result.disparity == 3).all()
+
+
+def test_four_paths_see_no_difference_between_top_and_bottom_and_three_do():
+    left, right = noise(30, 60), noise(30, 60, seed=1)
+    same = []
+    for paths in (3, 4):
+        parameters = MatcherParameters(num_disparities=12, aggregation='box', paths=paths, median_scope='filled', w_p=1,
+                                       tau_lr=100.0, subpixel=False, final_median=1)
+        upright, upside_down = match(left, right, parameters), match(left[::-1], right[::-1], parameters)
+        same.append((upright.disparity == upside_down.disparity[::-1]).mean())
+    assert same[0] < 0.9 and same[1] > 0.99  # but for ties
+
+
+def test_the_tree_of_a_16_bit_image_is_that_of_its_upper_bytes_smoothed_as_asked():
+    image = noise(9, 12).astype(np.uint16) * 256 + noise(9, 12, seed=1)
+    for side in (1, 3, 5):
+        guide = matcher._tree_guide(image, MatcherParameters(guide_blur=side))
+        np.testing.assert_array_equal(guide, cv2.medianBlur((image // 256).astype(np.uint8), side))
+
+
+@pytest.mark.parametrize('disparities', [1, 17, 40])
+@pytest.mark.parametrize(('stages', 'vector'), [(LITERAL, 16), ({}, 32), ({'aggregation': 'box', 'paths': 3}, 32)])
+def test_the_planes_reach_as_far_as_the_vectors(stages, vector, disparities):
+    parameters = MatcherParameters(num_disparities=disparities, min_disparity=5, **stages)
+    whole = StereoMatcher(parameters)
+    whole.compute(noise(5, 30), noise(5, 30, seed=1))
+    assert whole._buffers.planes.values.shape[-1] >= 30 + 5 + -(-disparities // vector) * vector
 
 
 def test_the_mirrored_and_swapped_pair_gives_the_right_views_map():

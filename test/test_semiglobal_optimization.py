@@ -9,6 +9,7 @@ from svdm_core.arrays import aligned_zeros
 from svdm_core.cost_aggregation import ForestNodes, aggregate_volume
 from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes
 from svdm_core.semiglobal_optimization import (
+    LARGEST,
     cost_factor,
     padded,
     scaled_penalties,
@@ -69,11 +70,18 @@ def test_winners_and_vertices_are_those_of_the_summed_paths(shape, disparities, 
                 assert vertex[y, x] == pytest.approx(expected, abs=1e-6)
 
 
+CENSUS_ONLY = {'tau_ad': 0.0, 'alpha': 0.0}
+
+
+@pytest.mark.parametrize('costs', [
+    {'census_weight': 0.2, 'tau_ad': 0.1}, {'census_weight': 0.3, **CENSUS_ONLY},
+    {'census_weight': 0.01, 'p2': 0.5, **CENSUS_ONLY},  # a bit is less than one unit of the path costs
+])
 @pytest.mark.parametrize('disparities', [1, 20, 40])
 @pytest.mark.parametrize('shape', [(1, 1), (1, 12), (3, 2), (9, 30)])
-def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, disparities):
-    parameters = MatcherParameters(num_disparities=disparities, aggregation='box', census_weight=0.2, tau_ad=0.1,
-                                   p1=0.02, p2=0.1, min_disparity=1)
+def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, disparities, costs):
+    parameters = MatcherParameters(num_disparities=disparities, aggregation='box', min_disparity=1,
+                                   **{'p1': 0.02, 'p2': 0.1, **costs})
     left, right = noise(*shape) // 8, noise(*shape, seed=1) // 8
     cost = Stages(left, right, parameters, isolated=True).volume().astype(float)
     factor = cost_factor(parameters) * INTENSITY
@@ -97,6 +105,7 @@ def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, dispa
     np.testing.assert_array_equal(filled[1], directly[1])
     sums = stored.reshape(2, *shape, -1)[..., :disparities].astype(int)
     np.testing.assert_allclose(sums, volume, atol=1)
+    assert sums.max() + scaled_penalties(parameters)[1] <= LARGEST  # four such sums fit into 16 bits
 
 
 def test_a_penalty_is_halved_at_an_edge_of_p2_edge_and_never_below_p1():
