@@ -99,10 +99,9 @@ def _check(options: argparse.Namespace) -> None:
             benchmark_report.check_picture(options.png.suffix)
         except ValueError as error:
             raise ValueError(f'{options.png}: {error}') from None
-    check_limits(*options.size, options.disparities)
-    if options.scaling:
-        for (width, height), num_disparities in itertools.chain(*SCALING_CASES):
-            check_limits(width, height, num_disparities)
+    cases = [(options.size, options.disparities), *(itertools.chain(*SCALING_CASES) if options.scaling else ())]
+    for (width, height), num_disparities in cases:
+        check_limits(width, height, num_disparities)
 
 
 def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
