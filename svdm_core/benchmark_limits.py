@@ -1,4 +1,4 @@
-"""What the benchmark can run at all: refused before the work, not by OpenCV or by the lack of memory in the middle."""
+"""What the benchmarks can run at all: refused before the work, not by OpenCV or by the lack of memory in the middle."""
 from __future__ import annotations
 
 from pathlib import Path
@@ -14,6 +14,11 @@ def check_limits(width: int, height: int, num_disparities: int) -> None:
     if width < least or height < _STEP:
         raise ValueError(f'size {width}x{height} is not allowed: OpenCV needs {least}x{_STEP} px or more for '
                          f'{num_disparities} disparities: take larger images or fewer disparities')
+    check_memory(width, height, num_disparities)
+
+
+def check_memory(width: int, height: int, num_disparities: int) -> None:
+    """Raises ValueError where images of this size take more memory than is free."""
     needed = width * height * (_VOLUME_BYTES * num_disparities + _PIXEL_BYTES)
     free = _free_memory()
     if free is not None and needed > free:

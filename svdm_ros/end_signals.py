@@ -22,8 +22,9 @@ class EndSignals:
             signal.signal(number, self._on_signal)
 
     def end_in_order(self) -> None:
-        """To be called once there is somebody who ends the process after a signal: rclpy, whose handlers shut the context
-        down, or whoever looks at `received`."""
+        """To be called once somebody else ends the process after a signal: rclpy, whose handlers shut the context down,
+        or whoever looks at `received`.
+        """
         self._orderly = True
 
     def ignore(self) -> None:

@@ -20,7 +20,9 @@ def main(arguments: list[str] | None = None) -> int:
     """
     signals = EndSignals(INTERRUPTED)
     options = _parse(arguments)
+    from svdm_core.benchmark_limits import check_memory
     from svdm_core.output_files import check_outputs, write_outputs
+    from svdm_core.presets import load_preset
 
     from .demo.processes import DemoError
     from .node_measurement import measure
@@ -32,6 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
     outputs = [options.json] if options.json is not None else []
     try:
         check_outputs(outputs, options.force)
+        check_memory(*options.size, num_disparities=load_preset(options.preset).num_disparities)
         signals.end_in_order()  # from here on there are children to be ended first
         settings = {'size': list(options.size), 'preset': options.preset, 'rate': options.rate,
                     'seconds': options.seconds}

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import statistics
 import tempfile
@@ -112,6 +113,7 @@ def figures(
         'latency_ms': {'mean': statistics.fmean(latencies),
                        **{f'p{p}': float(np.percentile(latencies, p)) for p in (50, 90, 99)}},
         'matcher_ms': matcher_mean(reports, start, stop),
+        'node_latency_ms': float(counts['latency p50 (ms)']) if 'latency p50 (ms)' in counts else None,
         'diagnostics': counts,
     }
 
@@ -122,7 +124,7 @@ def matcher_mean(reports: Sequence[MatcherReport], start: int, stop: int) -> flo
     None where there is no such report: they come once a second.
     """
     inside = [(report.published - before.published, report.mean_ms)
-              for before, report in zip(reports, reports[1:], strict=False)
+              for before, report in itertools.pairwise(reports)
               if start <= before.received and report.received <= stop]
     frames = sum(count for count, _ in inside)
     return sum(count * milliseconds for count, milliseconds in inside) / frames if frames else None
