@@ -3,6 +3,8 @@ from __future__ import annotations
 
 import dataclasses
 import multiprocessing
+import multiprocessing.pool
+import signal
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,13 +15,17 @@ import cv2
 import numpy as np
 
 from .arrays import Float32, Image
+from .benchmark_limits import check_limits, smallest_width
 from .evaluation.metrics import error_metrics
 from .evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 from .matcher import StereoMatcher
 from .presets import load_preset
+from .processors import processor_count, waited_seconds
 
 ACCURACY = ('avgerr', 'bad1', 'bad2', 'bad4')
 _OWN = 'svdm-'
+_BUSY = 5.0
+"""Percent of its time that a contender waits for a processor, from which the ratios are no longer to be trusted."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -78,24 +84,26 @@ def run_benchmark(
     median_ms, low_ms and high_ms (quartiles), mde_per_s (million disparities evaluated a second), stages_ms (medians,
     own matchers), extra_mb (peak memory above that of a tiny image, in a process of its own), and where there is
     ground truth avgerr, bad1, bad2, bad4 of the dense map (px of these images, %), over all known pixels.
+    waited_percent: of their time that its threads waited for a processor, None where the system does not tell.
+
+    Raises ValueError for images too small for OpenCV, or too large for the memory.
     """
+    check_limits(pair.left.shape[1], pair.left.shape[0], num_disparities)
     contenders = {name: _Contender(name, pair, num_disparities, threads) for name in names}
     for contender in contenders.values():
         contender.run()
-    milliseconds: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(rounds):
-        for name, contender in contenders.items():
-            start = time.perf_counter()
-            contender.run()
-            milliseconds[name].append(1e3 * (time.perf_counter() - start))
+        for contender in contenders.values():
+            contender.run_timed()
         on_round()
     work = pair.left.shape[0] * pair.left.shape[1] * num_disparities / 1e6
     figures = {}
     for name, contender in contenders.items():
-        low, median, high = _quartiles(milliseconds[name])
+        low, median, high = _quartiles(contender.milliseconds)
         figures[name] = {
             'median_ms': median, 'low_ms': low, 'high_ms': high, 'mde_per_s': 1e3 * work / median,
             'stages_ms': contender.stages(rounds), **contender.accuracy(),
+            'waited_percent': contender.waited_percent(threads),
             'extra_mb': extra_memory(name, pair, num_disparities, threads) if memory else None,
         }
     return figures
@@ -103,8 +111,32 @@ def run_benchmark(
 
 def extra_memory(name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> float:
     """Peak memory (MB) that one frame takes on top of a matcher warmed up with a tiny image."""
-    with multiprocessing.get_context('spawn').Pool(1) as pool:
+    with _one_process() as pool:
         return pool.apply(_extra_memory, (name, pair, num_disparities, threads))
+
+
+def _one_process() -> multiprocessing.pool.Pool:
+    """A new process that is deaf to Ctrl-C, which it would answer with a traceback: this one ends it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # a process inherits it
+    try:
+        return multiprocessing.get_context('spawn').Pool(1)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def usable_threads(wanted: int) -> int:
+    """`wanted`, but not more than there are processors."""
+    return min(wanted, processor_count())
+
+
+def busy_line(figures: Mapping[str, Mapping[str, Any]]) -> str:
+    """One line where contenders had to wait for others' work on the processors; empty where the machine was idle."""
+    waited = {name: value['waited_percent'] for name, value in figures.items() if value['waited_percent'] is not None}
+    worst = max(waited, key=lambda name: waited[name], default='')
+    if not worst or waited[worst] < _BUSY:
+        return ''
+    return (f'the machine was busy: {worst} waited for a processor {waited[worst]:.0f} % of its time. Times and ratios '
+            'shift then: run it again when nothing else does')
 
 
 def growth(sizes: Sequence[float], milliseconds: Sequence[float]) -> float:
@@ -127,6 +159,8 @@ class _Contender:
         self._pair = pair
         self._own: StereoMatcher | None = None
         self._timings: list[dict[str, float]] = []
+        self.milliseconds: list[float] = []
+        self._waited: list[float | None] = []
         if name.startswith(_OWN):
             preset = load_preset(name.removeprefix(_OWN)).replace(num_disparities=num_disparities)
             self._own = StereoMatcher(preset, threads)
@@ -139,6 +173,18 @@ class _Contender:
             self._opencv.compute(self._pair.left, self._pair.right)
         else:
             self._timings.append(self._own.compute(self._pair.left, self._pair.right).timings)
+
+    def run_timed(self) -> None:
+        before, start = waited_seconds(), time.perf_counter()
+        self.run()
+        self.milliseconds.append(1e3 * (time.perf_counter() - start))
+        after = waited_seconds()
+        self._waited.append(None if before is None or after is None else max(0.0, after - before))
+
+    def waited_percent(self, threads: int) -> float | None:
+        """Percent of the timed runs that each of its threads spent waiting for a processor, on average."""
+        waited = [seconds for seconds in self._waited if seconds is not None]
+        return 1e5 * sum(waited) / (sum(self.milliseconds) * threads) if waited else None
 
     def stages(self, last: int) -> dict[str, float]:
         """Median milliseconds of each stage over the last frames."""
@@ -158,7 +204,8 @@ class _Contender:
 
 
 def _extra_memory(name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> float:
-    tiny = BenchmarkPair(*(np.ascontiguousarray(image[:40, :200]) for image in (pair.left, pair.right)))
+    width = max(200, smallest_width(num_disparities))
+    tiny = BenchmarkPair(*(np.ascontiguousarray(image[:40, :width]) for image in (pair.left, pair.right)))
     _Contender(name, tiny, num_disparities, threads).run()
     before = _peak_memory()
     _Contender(name, pair, num_disparities, threads).run()

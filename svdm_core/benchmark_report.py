@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 import contextlib
+import io
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -16,35 +16,63 @@ _WIDTH = 130  # characters, where the output is no terminal
 
 
 @contextlib.contextmanager
-def progress(rounds: int) -> Iterator[Callable[[], None]]:
+def progress(rounds: int, what: str = 'timing the contenders in turn') -> Iterator[Callable[[], None]]:
     """A progress bar over the timed rounds; yields what moves it on by one."""
     with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task('timing the contenders in turn', total=rounds)
+        task = bar.add_task(what, total=rounds)
         yield lambda: bar.advance(task)
 
 
-def print_table(document: Mapping[str, Any]) -> None:
-    """One row a contender: time, ratio to each of OpenCV's methods, memory, accuracy."""
+def print_table(document: Mapping[str, Any], console: Console | None = None) -> None:
+    """One row a contender: time, ratio to each of OpenCV's methods, accuracy, memory; several tables if too wide."""
+    console = console or _console()
     width, height = document['size']
     kind = 'colour' if document['colour'] else 'grey'
-    table = Table(title=f'{width}x{height} {kind}, {document["disparities"]} disparities, '
-                        f'{document["threads"]} threads')
-    has_accuracy = all('avgerr' in value for value in document['contenders'].values())
-    columns = ['ms', 'quartiles', 'MDE/s', *(f'x {name}' for name in OPENCV_METHODS), 'extra MB']
-    for column in ('', *columns, *(('avgerr px', 'bad2 %') if has_accuracy else ())):
-        table.add_column(column, justify='right' if column else 'left', no_wrap=True)
-    for name, value in document['contenders'].items():
-        cells = [f'{value["median_ms"]:.1f}', f'{value["low_ms"]:.1f}-{value["high_ms"]:.1f}',
-                 f'{value["mde_per_s"]:.0f}', *(f'{document["ratios"][name][other]:.2f}' for other in OPENCV_METHODS),
-                 f'{value["extra_mb"]:.0f}']
-        if has_accuracy:
-            cells += [f'{value["avgerr"]:.2f}', f'{value["bad2"]:.1f}']
-        table.add_row(name, *cells)
-    _console().print(table)
+    title = f'{width}x{height} {kind}, {document["disparities"]} disparities, {document["threads"]} threads'
+    names = list(document['contenders'])
+    for columns in _side_by_side(['', *names], _columns(document), console.width):
+        table = Table(title=title)
+        for number, column in enumerate(columns):
+            table.add_column(column[0], justify='right' if number else 'left', no_wrap=True, min_width=_width(column))
+        for cells in list(zip(*columns, strict=True))[1:]:
+            table.add_row(*cells)
+        console.print(table)
+        title = ''
     for name, value in document['contenders'].items():
         if value['stages_ms']:
             stages = ', '.join(f'{stage} {ms:.1f}' for stage, ms in value['stages_ms'].items() if stage != 'total')
-            _console().print(f'{name}: {stages} ms', soft_wrap=True)
+            console.print(f'{name}: {stages} ms', soft_wrap=True)
+
+
+def _columns(document: Mapping[str, Any]) -> list[list[str]]:
+    """The columns behind the names, a heading and the cells each: what is looked at first comes first."""
+    contenders = document['contenders']
+    values = list(contenders.values())
+    columns = [['ms', *(f'{value["median_ms"]:.1f}' for value in values)]]
+    for other in OPENCV_METHODS:
+        columns.append([f'x {other}', *(f'{document["ratios"][name][other]:.2f}' for name in contenders)])
+    if all('avgerr' in value for value in values):
+        columns.append(['avgerr px', *(f'{value["avgerr"]:.2f}' for value in values)])
+        columns.append(['bad2 %', *(f'{value["bad2"]:.1f}' for value in values)])
+    columns.append(['extra MB', *(f'{value["extra_mb"]:.0f}' for value in values)])
+    columns.append(['quartiles', *(f'{value["low_ms"]:.1f}-{value["high_ms"]:.1f}' for value in values)])
+    columns.append(['MDE/s', *(f'{value["mde_per_s"]:.0f}' for value in values)])
+    return columns
+
+
+def _side_by_side(names: list[str], columns: list[list[str]], width: int) -> list[list[list[str]]]:
+    """The columns of each table: the names, and as many of the others as fit."""
+    tables = [[names]]
+    for column in columns:
+        # A border of one and a space either side, for each column, and the last border.
+        if len(tables[-1]) > 1 and sum(_width(other) + 3 for other in (*tables[-1], column)) + 1 > width:
+            tables.append([names])
+        tables[-1].append(column)
+    return tables
+
+
+def _width(column: list[str]) -> int:
+    return max(map(len, column))
 
 
 def print_scaling(scaling: Mapping[str, Any]) -> None:
@@ -57,18 +85,24 @@ def print_scaling(scaling: Mapping[str, Any]) -> None:
                              soft_wrap=True)
 
 
-def draw(document: Mapping[str, Any], path: Path) -> None:
-    """A PNG of time against the share of pixels off by more than 2 px. ValueError without ground truth."""
-    contenders = document['contenders']
-    if any('bad2' not in value for value in contenders.values()):
-        raise ValueError('--png needs a pair with ground truth: leave out --pair')
+def check_picture(suffix: str) -> None:
+    """Raises ValueError where matplotlib writes no such files, ImportError where it is not installed."""
+    from matplotlib.backend_bases import FigureCanvasBase
+
+    known = sorted(FigureCanvasBase.get_supported_filetypes())
+    if suffix.lower().removeprefix('.') not in known:
+        raise ValueError(f'the suffix {suffix!r} is not allowed: a picture is one of .{", .".join(known)}')
+
+
+def draw(document: Mapping[str, Any], suffix: str) -> bytes:
+    """A picture of time against the share of pixels off by more than 2 px; needs figures with accuracy."""
     import matplotlib
 
     matplotlib.use('Agg')
     from matplotlib import pyplot as plt
 
     figure, ax = plt.subplots(figsize=(8, 5), layout='constrained')
-    for name, value in contenders.items():
+    for name, value in document['contenders'].items():
         own = name.startswith('svdm-')
         spread = [[value['median_ms'] - value['low_ms']], [value['high_ms'] - value['median_ms']]]
         ax.errorbar(value['median_ms'], value['bad2'], xerr=spread, fmt='o' if own else 's',
@@ -79,8 +113,10 @@ def draw(document: Mapping[str, Any], path: Path) -> None:
            title=f'{width}x{height}, {document["disparities"]} disparities, {document["threads"]} threads')
     ax.margins(0.15)
     ax.grid(alpha=0.3, which='both')
-    figure.savefig(path, dpi=120)
+    picture = io.BytesIO()
+    figure.savefig(picture, dpi=120, format=suffix.lower().removeprefix('.'))
     plt.close(figure)
+    return picture.getvalue()
 
 
 def _console() -> Console:

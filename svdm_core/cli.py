@@ -5,6 +5,10 @@ import argparse
 import importlib
 import sys
 
+import cv2
+
+from .interrupts import INTERRUPTED
+
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
     'match': 'the disparity of one pair as a file, and a picture of it',
@@ -16,17 +20,28 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit code: 0, 1 with results for a part only, 2 with one line that says what was wrong.
+    """Entry point; returns the exit code: 0, 1 with results for a part only, 2 with one line that says what was wrong,
+    130 after Ctrl-C.
     """
     given = sys.argv[1:] if arguments is None else arguments
-    options = _parser(given).parse_args(given)
+    try:
+        return _run(given)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def _run(arguments: list[str]) -> int:
+    options = _parser(arguments).parse_args(arguments)
     try:
         return int(options.run(options))
     except (ValueError, OSError, ImportError) as error:
         print(f'svdm {options.command}: {error}', file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        return 130
+    except MemoryError as error:
+        print(f'svdm {options.command}: out of memory, take smaller images or fewer disparities: {error}',
+              file=sys.stderr)
+    except cv2.error as error:
+        print(f'svdm {options.command}: OpenCV refuses it: {" ".join(str(error).split())}', file=sys.stderr)
+    return 2
 
 
 def _parser(arguments: list[str]) -> argparse.ArgumentParser:

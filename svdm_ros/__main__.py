@@ -7,7 +7,7 @@ from .end_signals import EndSignals
 
 
 def main() -> int:
-    """Entry point; returns the exit code: 0 after SIGINT or SIGTERM, 2 for a start-up setting that is wrong."""
+    """Entry point; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     signals = EndSignals()
     from .node_process import run  # takes a second, as rclpy, numba and OpenCV come with it
 

@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 def diagnostic_array(
     name: str, stamp: Time, counts: FrameCounts, rate: float, ready: bool, trouble: str = ''
 ) -> DiagnosticArray:
-    """One status: OK, or WARN with `trouble`; values are totals, Hz and ms, latency from arrival to publication."""
+    """One status: OK, or WARN with `trouble`; values are totals, Hz and ms.
+
+    Latency is from arrival to publication; the stages are means over the frames since the last diagnostics.
+    """
     status = DiagnosticStatus(name=name, hardware_id='')
     status.level = DiagnosticStatus.WARN if trouble or not ready else DiagnosticStatus.OK
     status.message = trouble or (f'{rate:.1f} Hz' if ready else 'compiling')

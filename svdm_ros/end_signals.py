@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM end the process quietly with exit code 0. Imports nothing that takes time."""
+"""SIGINT and SIGTERM end the process quietly. Imports nothing that takes time."""
 from __future__ import annotations
 
 import os
@@ -9,19 +9,22 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class EndSignals:
-    """What a signal does: it ends the process at once, until somebody else is there to end it in order.
+    """What a signal does: it ends the process at once with `code`, until somebody else is there to end it in order.
 
     `received` tells whether one has come.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, code: int = 0) -> None:
+        self._code = code
         self.received = False
         self._orderly = False
         for number in _NUMBERS:
             signal.signal(number, self._on_signal)
 
-    def leave_to_rclpy(self) -> None:
-        """To be called once `rclpy.init` is done: its handlers then shut the context down, which ends the node."""
+    def end_in_order(self) -> None:
+        """To be called once somebody else ends the process after a signal: rclpy, whose handlers shut the context down,
+        or whoever looks at `received`.
+        """
         self._orderly = True
 
     def ignore(self) -> None:
@@ -32,4 +35,4 @@ class EndSignals:
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self.received = True
         if not self._orderly:
-            os._exit(0)  # no exception: whatever is being imported might catch it, or end in a traceback
+            os._exit(self._code)  # no exception: whatever is being imported might catch it, or end in a traceback

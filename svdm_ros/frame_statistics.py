@@ -2,17 +2,20 @@
 from __future__ import annotations
 
 import dataclasses
+import statistics
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 _LATENCIES_KEPT = 100
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FrameCounts:
-    """A snapshot: totals since the start; `latencies` (s, arrival to publication) and `timings` (ms) of late.
+    """A snapshot: totals since the start, and `latencies` (s, arrival to publication) of late.
 
+    `timings`: the mean milliseconds of each stage over the frames since the snapshot before, or if there were none, as
+    it was then.
     `defects` counts exceptions that nothing accounts for, whether they cost a frame or not.
     """
 
@@ -46,6 +49,7 @@ class FrameStatistics:
         self._pairs = self._published = self._defects = 0
         self._latencies: deque[float] = deque(maxlen=_LATENCIES_KEPT)
         self._timings: dict[str, float] = {}
+        self._frames: list[Mapping[str, float]] = []
 
     def count_received(self, side: str) -> None:
         with self._lock:
@@ -73,10 +77,14 @@ class FrameStatistics:
         with self._lock:
             self._published += 1
             self._latencies.append(latency)
-            self._timings = dict(timings)
+            self._frames.append(dict(timings))
 
     def snapshot(self) -> FrameCounts:
+        """The counts as they are; what `timings` is about begins anew."""
         with self._lock:
+            if self._frames:
+                self._timings = _means(self._frames)
+                self._frames = []
             return FrameCounts(
                 received=dict(self._received),
                 pairs=self._pairs,
@@ -86,6 +94,12 @@ class FrameStatistics:
                 latencies=tuple(self._latencies),
                 timings=dict(self._timings),
             )
+
+
+def _means(frames: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Of each stage, over the frames that have it: with other parameters there are others."""
+    stages = dict.fromkeys(stage for frame in frames for stage in frame)
+    return {stage: statistics.fmean(frame[stage] for frame in frames if stage in frame) for stage in stages}
 
 
 class Rate:

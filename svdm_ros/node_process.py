@@ -8,9 +8,11 @@ import traceback
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.utilities import remove_ros_args
 
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
+from .node_usage import answer
 
 _WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
@@ -20,12 +22,15 @@ _BAD_REQUEST = (ValueError, TypeError, AssertionError)
 
 
 def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
-    """Run the node; returns the exit code: 0 after SIGINT or SIGTERM, 2 for a start-up setting that is wrong."""
+    """Run the node; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     try:
+        answered = answer(remove_ros_args(arguments)[1:])
+        if answered is not None:
+            return answered
         rclpy.init(args=arguments)
     except RuntimeError as error:
         return _refuse_to_start(error)
-    signals.leave_to_rclpy()
+    signals.end_in_order()
     return _run_node(signals)
 
 

@@ -2,71 +2,106 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
 from .. import benchmark
+from ..benchmark_limits import check_limits
 from ..evaluation.datasets import read_image
+from ..output_files import check_outputs, write_outputs
+from ..parameters import parameter_info
 from ..presets import preset_names
-from .options import count
+from .options import count, disparities, size
 
 SCALING_SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 SCALING_DISPARITIES = (32, 64, 128, 256)
+SCALING_ROUNDS = 7
+# Sizes with 64 disparities, and disparities with 640x480.
+SCALING_CASES: tuple[list[tuple[tuple[int, int], int]], ...] = (
+    [(each, 64) for each in SCALING_SIZES],
+    [((640, 480), each) for each in SCALING_DISPARITIES],
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Images, sizes, rounds, and what is written."""
-    parser.add_argument('--size', type=_size, default=(640, 480), metavar='WxH', help='image size (640x480)')
-    parser.add_argument('--disparities', type=count, default=64, help='disparities searched (64)')
-    parser.add_argument('--threads', type=count, default=2, help='threads of each contender (2)')
-    parser.add_argument('--rounds', type=count, default=15, help='timed rounds, contenders in turn (15)')
+    allowed = parameter_info('num_disparities').allowed
+    parser.add_argument('--size', type=size, default=(640, 480), metavar='WxH', help='image size (640x480)')
+    parser.add_argument('--disparities', type=disparities, default=64, metavar='D',
+                        help=f'disparities searched, {allowed}, and below the width (64)')
+    parser.add_argument('--threads', type=count, default=2, metavar='N',
+                        help='threads of each contender, at most one a processor (2)')
+    parser.add_argument('--rounds', type=count, default=15, metavar='N', help='timed rounds, contenders in turn (15)')
     colour = parser.add_mutually_exclusive_group()
     colour.add_argument('--mono', dest='colour', action='store_false', help='grey images (the default)')
     colour.add_argument('--colour', action='store_true', help='colour images')
     parser.add_argument('--pair', type=Path, nargs=2, metavar=('LEFT', 'RIGHT'),
-                        help='a rectified pair; without it the Motorcycle of scikit-image, which has ground truth')
-    parser.add_argument('--scaling', action='store_true', help='also sweep sizes and disparities, and fit exponents')
+                        help='a rectified pair, scaled to --size; without it the Motorcycle of scikit-image, which has '
+                             'ground truth')
+    parser.add_argument('--scaling', action='store_true',
+                        help='also sweep 320x240 to 1920x1080 with 64 disparities, and 32 to 256 disparities with '
+                             f'640x480, and fit exponents: {SCALING_ROUNDS} rounds each, whatever --size, '
+                             '--disparities and --rounds say')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures')
-    parser.add_argument('--png', type=Path, metavar='FILE', help='draw time against accuracy (needs matplotlib)')
+    parser.add_argument('--png', type=Path, metavar='FILE',
+                        help='draw time against accuracy (needs matplotlib; not with --pair)')
+    parser.add_argument('--force', action='store_true', help='overwrite files that exist')
     parser.set_defaults(colour=False)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.partition('x')
-    try:
-        return count(width), count(height)
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a size: write it as 640x480') from None
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure, print, and write what was asked for; 0."""
     from .. import benchmark_report  # needs rich, which the help must do without
 
-    for path in (options.json, options.png):
-        if path is not None and path.exists():
-            raise ValueError(f'{path} exists already: remove it, or name another file')
+    _check(options)
+    threads = benchmark.usable_threads(options.threads)
+    if threads < options.threads:
+        print(f'svdm benchmark: --threads {options.threads} is more than there are processors: {threads} taken',
+              file=sys.stderr)
     whole = _read_pair(*options.pair) if options.pair else _motorcycle()
     whole = whole if options.colour else whole.grey()
     names = benchmark.contender_names(preset_names())
     with benchmark_report.progress(options.rounds) as advance:
-        figures = benchmark.run_benchmark(whole.scaled(*options.size), names, options.disparities, options.threads,
+        figures = benchmark.run_benchmark(whole.scaled(*options.size), names, options.disparities, threads,
                                           options.rounds, advance)
     document: dict[str, Any] = {
-        'size': list(options.size), 'disparities': options.disparities, 'threads': options.threads,
+        'size': list(options.size), 'disparities': options.disparities, 'threads': threads, 'rounds': options.rounds,
         'colour': options.colour, 'contenders': figures, 'ratios': benchmark.ratios(figures),
     }
     benchmark_report.print_table(document)
+    if busy := benchmark.busy_line(figures):
+        print(f'svdm benchmark: {busy}', file=sys.stderr)
     if options.scaling:
-        document['scaling'] = _scaling(whole, options.threads)
+        document['scaling'] = _scaling(whole, threads)
         benchmark_report.print_scaling(document['scaling'])
+    contents: dict[Path, bytes] = {}
     if options.json is not None:
-        options.json.write_text(json.dumps(document, indent=1) + '\n')
+        contents[options.json] = (json.dumps(document, indent=1) + '\n').encode()
     if options.png is not None:
-        benchmark_report.draw(document, options.png)
+        contents[options.png] = benchmark_report.draw(document, options.png.suffix)
+    write_outputs(contents, options.force)
     return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse before the run what would fail in it or after it."""
+    from .. import benchmark_report
+
+    check_outputs([path for path in (options.json, options.png) if path is not None], options.force)
+    if options.png is not None:
+        if options.pair:
+            raise ValueError('--png needs a pair with ground truth: leave out --pair')
+        try:
+            benchmark_report.check_picture(options.png.suffix)
+        except ValueError as error:
+            raise ValueError(f'{options.png}: {error}') from None
+    cases = [(options.size, options.disparities), *(itertools.chain(*SCALING_CASES) if options.scaling else ())]
+    for (width, height), num_disparities in cases:
+        check_limits(width, height, num_disparities)
 
 
 def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
@@ -74,13 +109,18 @@ def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
 
     The sizes are cut from the 640x480 images or tiled with them: scaled images would have other disparities.
     """
+    from .. import benchmark_report
+
     vga = whole.scaled(640, 480)
     names = [name for name in benchmark.contender_names(preset_names()) if name.startswith('svdm-')]
-    by_size, by_disparities = (
-        [benchmark.run_benchmark(vga.tiled(*size), names, disparities, threads, rounds=7, memory=False)
-         for size, disparities in cases]
-        for cases in ([(size, 64) for size in SCALING_SIZES], [((640, 480), d) for d in SCALING_DISPARITIES])
-    )
+    rounds = SCALING_ROUNDS * sum(map(len, SCALING_CASES))
+    with benchmark_report.progress(rounds, 'sweeping sizes and disparities') as advance:
+        by_size, by_disparities = (
+            [benchmark.run_benchmark(vga.tiled(*image_size), names, num_disparities, threads, SCALING_ROUNDS, advance,
+                                     memory=False)
+             for image_size, num_disparities in cases]
+            for cases in SCALING_CASES
+        )
     pixels = [width * height for width, height in SCALING_SIZES]
     result: dict[str, Any] = {}
     for name in names:

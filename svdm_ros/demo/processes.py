@@ -46,11 +46,12 @@ def segment_bytes(free: int) -> int:
 
 
 class Child:
-    """A Python module that runs as a process of its own, its output in a file."""
+    """A Python module that runs as a process of its own, its output in a file, which need not stay."""
 
-    def __init__(self, name: str, log: Path, module: str, *arguments: str) -> None:
+    def __init__(self, name: str, log: Path, module: str, *arguments: str, log_stays: bool = True) -> None:
         self.name = name
         self.log = log
+        self._log_stays = log_stays
         with log.open('w') as output:
             self._process = subprocess.Popen(
                 [sys.executable, '-m', module, *arguments],
@@ -74,7 +75,8 @@ class Child:
         lines = self.output().splitlines()[-LAST_LINES:]
         if not lines:
             return ' without a word'
-        return '\n'.join([f'; its log {self.log} ends with', *(f'    {line}' for line in lines)])
+        log = f'its log {self.log}' if self._log_stays else 'its log'
+        return '\n'.join([f'; {log} ends with', *(f'    {line}' for line in lines)])
 
     def stop(self) -> int:
         """Ask the process to end, insist where it does not; returns its exit code."""

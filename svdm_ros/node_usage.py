@@ -1,0 +1,35 @@
+"""What the node answers on its command line without being started: its usage, and what it does not know."""
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
+
+Pairs two rectified images, matches them, and publishes the disparity. Runs until Ctrl-C.
+
+in:   left/image_rect, right/image_rect      sensor_msgs/Image
+      left/camera_info, right/camera_info    sensor_msgs/CameraInfo
+out:  disparity                              stereo_msgs/DisparityImage
+      /diagnostics                           diagnostic_msgs/DiagnosticArray, once a second
+
+  -r left/image_rect:=/cam/left/image_rect   take a topic under another name
+  -p num_disparities:=96                     set a parameter; those of a file: --params-file FILE
+
+All parameters can be changed while the node runs:
+  ros2 param list /disparity_node            which there are
+  ros2 param describe /disparity_node alpha  what one means, and what is allowed
+  ros2 param set /disparity_node alpha 8.0   change it
+'''
+
+
+def answer(arguments: Sequence[str]) -> int | None:
+    """The exit code where `arguments` (those that are not for ROS) are answered by a text; None: start the node."""
+    if not arguments:
+        return None
+    if any(argument in ('-h', '--help') for argument in arguments):
+        print(USAGE, end='')
+        return 0
+    print(f'disparity_node: unknown argument {arguments[0]!r}: topics and parameters are set behind --ros-args, as in '
+          '--ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)
+    return 2
