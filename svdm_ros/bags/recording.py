@@ -1,0 +1,187 @@
+"""Any recording as one stream of messages in order of time: rosbag2 (mcap, sqlite3) and ROS 1, files or folders."""
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import re
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection, Qos
+from rosbags.typesys import Stores, get_typestore
+
+_STORAGES = ('.mcap', '.db3')
+_SUFFIXES = (*_STORAGES, '.bag')
+_PACKED = '.zstd'
+
+
+class RecordingError(ValueError):
+    """A recording that cannot be read, at all or from some point on. The text is one line that says what to do."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic of a recording. `message_type` is the ROS 2 name, 'sensor_msgs/msg/Image', for ROS 1 bags as well.
+
+    count: messages of it. qos: what its publishers offered, empty where that was not recorded.
+    definition, digest: text and RIHS01 hash of the type, empty where not recorded (digest: the MD5 sum in ROS 1).
+    """
+
+    name: str
+    message_type: str
+    count: int
+    qos: tuple[Qos, ...] = ()
+    definition: str = ''
+    digest: str = ''
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """One message as it lies in the recording: `data` is CDR, or what ROS 1 serializes; `time_ns` when it was taken."""
+
+    topic: str
+    message_type: str
+    time_ns: int
+    data: bytes
+
+
+class Recording:
+    """An open recording; `open_recording` makes them.
+
+    topics: by name. start_ns, end_ns: recording time of the first message and just after the last, 0 and 0 if empty.
+    is_ros1: whether the messages are those of ROS 1.
+    """
+
+    def __init__(self, path: Path, reader: AnyReader) -> None:
+        self.path = path
+        self.is_ros1 = not reader.is2
+        self.topics = {topic.name: topic for topic in _topics(reader)}
+        empty = reader.message_count == 0
+        self.start_ns: int = 0 if empty else reader.start_time
+        self.end_ns: int = 0 if empty else reader.end_time
+        self._reader = reader
+        self._ros2 = get_typestore(Stores.ROS2_JAZZY)
+
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
+    ) -> Iterator[RecordedMessage]:
+        """The messages of `topics` (None: all) from `start_ns` on and before `stop_ns`, in the order of their time.
+
+        Streamed: no more than some chunks are in memory. Raises RecordingError where the recording is damaged.
+        """
+        connections = [one for one in self._reader.connections if topics is None or one.topic in topics]
+        if not connections:
+            return
+        with _told(self.path):
+            for connection, time_ns, data in self._reader.messages(connections, start_ns, stop_ns):
+                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, data)
+
+    def deserialize(self, message: RecordedMessage) -> Any:
+        """The message as an object with the fields of its type. Raises RecordingError where it is damaged."""
+        with _told(self.path):
+            if self._reader.is2 and message.message_type not in self._reader.typestore.fielddefs:
+                return self._ros2.deserialize_cdr(message.data, message.message_type)
+            return self._reader.deserialize(message.data, message.message_type)
+
+
+@contextlib.contextmanager
+def open_recording(path: Path) -> Iterator[Recording]:
+    """Open a .mcap, .db3 or .bag file, one of these as .zstd, or a folder, with metadata.yaml or without.
+
+    Raises RecordingError in one line for anything that is no readable recording.
+    """
+    if not path.exists():
+        raise RecordingError(f'{path}: there is no such file or folder')
+    with contextlib.ExitStack() as stack:
+        with _told(path):
+            files = _unpacked(_files(path), stack)
+            reader = stack.enter_context(AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)))
+            recording = Recording(path, reader)
+        yield recording
+
+
+def _topics(reader: AnyReader) -> Iterator[Topic]:
+    by_name: dict[str, list[Connection]] = {}
+    for connection in reader.connections:
+        by_name.setdefault(connection.topic, []).append(connection)
+    for name, connections in sorted(by_name.items()):
+        first = connections[0]
+        qos = tuple(profile for one in connections for profile in getattr(one.ext, 'offered_qos_profiles', ()))
+        # Two files of one split bag that lost its metadata.yaml have a connection each, counted each.
+        yield Topic(name, first.msgtype, sum(one.msgcount for one in connections), qos, first.msgdef.data, first.digest)
+
+
+def _files(path: Path) -> list[Path]:
+    """What rosbags is to open: the file, the folder, or the files of a folder that lost its metadata.yaml."""
+    if path.is_file():
+        if _storage_suffix(path) not in _SUFFIXES:
+            raise RecordingError(f'{path}: the suffix {path.suffix!r} is none of a recording: {", ".join(_SUFFIXES)}, '
+                                 f'with {_PACKED} behind it or without, or the folder of a rosbag2')
+        return [path]
+    if (path / 'metadata.yaml').is_file():
+        return [path]
+    for storage in _STORAGES:
+        files = sorted((file for file in path.iterdir() if _storage_suffix(file) == storage), key=_number)
+        if files:
+            return files
+    raise RecordingError(f'{path}: no recording in this folder: neither metadata.yaml nor {" nor ".join(_STORAGES)}')
+
+
+def _storage_suffix(path: Path) -> str:
+    return Path(path.stem).suffix if path.suffix == _PACKED else path.suffix
+
+
+def _number(path: Path) -> tuple[list[int], str]:
+    """bag_2.mcap before bag_10.mcap."""
+    return [int(digits) for digits in re.findall(r'\d+', path.name)], path.name
+
+
+def _unpacked(files: list[Path], stack: contextlib.ExitStack) -> list[Path]:
+    """Files that are compressed as a whole, decompressed into a folder that goes when `stack` is closed."""
+    if not any(file.suffix == _PACKED for file in files):
+        return files
+    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix='svdm_bag_')))
+    return [_unpack(file, folder / file.stem) if file.suffix == _PACKED else file for file in files]
+
+
+def _unpack(packed: Path, target: Path) -> Path:
+    try:
+        from compression import zstd  # type: ignore[import-not-found, unused-ignore]  # Python 3.14
+    except ImportError:
+        from backports import zstd  # comes with rosbags
+    with zstd.open(packed, 'rb') as source, target.open('wb') as file:
+        shutil.copyfileobj(source, file)
+    return target
+
+
+@contextlib.contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """Whatever the parsers raise on bytes that are no recording, as one line."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except PermissionError:
+        raise RecordingError(f'{path}: no permission to read it') from None
+    except Exception as error:  # parsers fed with damaged bytes raise anything, TypeError and struct.error included
+        raise RecordingError(f'{path}: {_explained(error)}') from error
+
+
+def _explained(error: Exception) -> str:
+    """What is wrong, and what to do about it."""
+    text = ' '.join(str(error).split()).rstrip('.') or type(error).__name__
+    if 'end magic' in text or 'Truncated' in text or 'footer' in text or 'seems to be empty' in text:
+        return f'the file is cut off ({text}): mend it with `mcap recover`, or copy it anew'
+    if 'not in timestamp order' in text:
+        return f'{text}: `mcap recover` or `ros2 bag convert` writes an indexed one'
+    if 'not indexed' in text:
+        return 'the ROS 1 bag was not closed: mend it with `rosbag reindex`'
+    if 'files are missing' in text:
+        return f'{text}: metadata.yaml names them; copy them too, or remove metadata.yaml'
+    if 'not supported' in text:
+        return text
+    return f'damaged or no recording ({text})'
