@@ -2,25 +2,25 @@
 
 The bag under construction is a folder of its own, a split rosbag2 in mcap. Messages go into a small file that is not
 listed yet; once that is closed, metadata.yaml is replaced by one that lists it. So whatever the moment, the files
-listed are whole. Small files are joined into large ones, in the order of time, and the folder is renamed at the end.
+listed are whole. Small files are joined into large ones, and the folder is renamed at the end.
 """
 from __future__ import annotations
 
 import contextlib
 import dataclasses
 import fcntl
-import heapq
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
 import yaml
 from rosbags.interfaces import Qos
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys.store import Typestore
+
+from .mcap_storage import BagWriter
 
 SEGMENT_BYTES = 8 * 2**20
 """What a kill can cost: a small file is closed as soon as it holds this much."""
@@ -33,6 +33,7 @@ _STATE = 'svdm_ros'
 _LOCK = '.lock'
 _SEGMENT_SUFFIX = '.segment.mcap'
 _IN_WORK = 'in_work'
+_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
 
 
@@ -58,7 +59,7 @@ class PartialBag:
         self._definitions = [(topic, topic.typestore.generate_msgdef(topic.message_type, ros_version=2)[0],
                               topic.typestore.hash_rihs01(topic.message_type)) for topic in topics]
         self._lock = lock
-        self._writer: Writer | None = None
+        self._writer: BagWriter | None = None
         self._connections: dict[str, Any] = {}
         self._bytes = 0
         self._metadata: dict[str, Any] = {}
@@ -70,7 +71,7 @@ class PartialBag:
         Raises ValueError where it was begun with other settings.
         """
         if (self._folder / _METADATA).is_file():
-            self._metadata = yaml.safe_load((self._folder / _METADATA).read_text())[_ROOT]
+            self._metadata = yaml.load((self._folder / _METADATA).read_text(), _LOADER)[_ROOT]
             stored = json.loads(self._metadata['custom_data'][_STATE])
             _check_same(self._folder, stored['settings'], settings)
             self._settings, self.state = settings, stored['state']
@@ -131,14 +132,14 @@ class PartialBag:
     def _volumes(self) -> list[dict[str, Any]]:
         return [file for file in self._metadata['files'] if not file['path'].endswith(_SEGMENT_SUFFIX)]
 
-    def _open_segment(self) -> Writer:
+    def _open_segment(self) -> BagWriter:
         if self._writer is None:
             self._writer, self._connections = self._open_writer(f'{_IN_WORK}_segment')
             self._bytes = 0
         return self._writer
 
-    def _open_writer(self, name: str) -> tuple[Writer, dict[str, Any]]:
-        writer = Writer(self._folder / name, version=Writer.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
+    def _open_writer(self, name: str) -> tuple[BagWriter, dict[str, Any]]:
+        writer = BagWriter(self._folder / name)
         writer.open()
         connections = {
             topic.name: writer.add_connection(topic.name, topic.message_type, msgdef=definition, rihs01=digest,
@@ -163,10 +164,10 @@ class PartialBag:
         self._write_metadata()
         self._remove_unlisted()
 
-    def _closed(self, writer: Writer, name: str) -> dict[str, Any]:
+    def _closed(self, writer: BagWriter, name: str) -> dict[str, Any]:
         """Close a writer and give its file a name in the folder; the metadata rosbags wrote for it."""
         writer.close()
-        metadata: dict[str, Any] = yaml.safe_load(writer.metapath.read_text())[_ROOT]
+        metadata: dict[str, Any] = yaml.load(writer.metapath.read_text(), _LOADER)[_ROOT]
         [file] = metadata['files']
         os.replace(writer.path / file['path'], self._folder / name)
         shutil.rmtree(writer.path)
@@ -174,10 +175,10 @@ class PartialBag:
         return metadata
 
     def _join(self) -> None:
-        """All segments into one volume, in the order of time."""
-        writer, connections = self._open_writer(f'{_IN_WORK}_volume')
-        for topic, time_ns, data in _in_order(self._folder, self._segments()):
-            writer.write(connections[topic], time_ns, data)
+        """All segments into one volume."""
+        writer, _ = self._open_writer(f'{_IN_WORK}_volume')
+        for file in self._segments():
+            writer.append(self._folder / file['path'])
         volumes = self._volumes()
         joined = self._closed(writer, f'{self._output.name}_{len(volumes)}.mcap')
         self._metadata['files'] = volumes + joined['files']
@@ -250,18 +251,3 @@ def _check_same(folder: Path, stored: dict[str, Any], settings: dict[str, Any]) 
         raise ValueError(f'{folder} was begun with another {", ".join(changed)}: give the same again to go on, '
                          '--force to begin anew, or name another output')
 
-
-def _in_order(folder: Path, files: Iterable[dict[str, Any]]) -> Iterator[tuple[str, int, bytes]]:
-    """The messages of all files in the order of time; a file is opened only when its turn comes."""
-    streams = [_lazily(folder / file['path'], number, file['starting_time']['nanoseconds_since_epoch'])
-               for number, file in enumerate(files) if file['message_count']]
-    for time_ns, _, index, topic, data in heapq.merge(*streams):
-        if index >= 0:
-            yield topic, time_ns, data
-
-
-def _lazily(path: Path, number: int, start_ns: int) -> Iterator[tuple[int, int, int, str, bytes]]:
-    yield start_ns, number, -1, '', b''  # holds the place of the first message: reading begins when it is taken
-    with Reader(path) as reader:
-        for index, (connection, time_ns, data) in enumerate(reader.messages()):
-            yield time_ns, number, index, connection.topic, data
