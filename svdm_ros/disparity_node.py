@@ -16,7 +16,8 @@ from stereo_msgs.msg import DisparityImage
 from .diagnostics import diagnostic_array
 from .frame_processing import FrameError, FrameProcessor, StereoFrame
 from .frame_statistics import FrameStatistics, Rate
-from .node_parameters import DeclaredParameters, NodeParameters, unknown_parameter_line
+from .node_parameters import DeclaredParameters, unknown_parameter_line
+from .parameter_set import NodeParameters
 from .quality_of_service import (
     OVERRIDABLE,
     Entity,
