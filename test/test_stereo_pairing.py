@@ -131,7 +131,7 @@ def test_a_loop_shorter_than_any_jump_gives_its_pairs_under_a_tolerance_too(fram
     one_pass = [(side, stamp + offset) for stamp in stamps for side, offset in offsets.items()]
     pairer = StereoPairer(tolerance_ns=3 * MS)
     assert [pair.left - offsets['left'] for pair in feed(pairer, one_pass * 3)] == stamps * 3
-    assert pairer.jumps == 2
+    assert pairer.jumps == 1
 
 
 def test_an_image_that_comes_late_in_the_second_pass_is_no_further_jump():
@@ -218,5 +218,5 @@ def test_a_pair_that_waits_when_time_jumps_back_is_not_lost():
     once = [('left', 0), ('left', 33 * MS), ('right', 53 * MS)]
     later = [(side, stamp - 1000 * MS) for side, stamp in once]
     assert feed(pairer, once + later) == [Pair(33 * MS, 53 * MS, 20 * MS)]
-    assert pairer.jumps == 2
+    assert pairer.jumps == 1
     assert pairer.flush() == [Pair(-967 * MS, -947 * MS, 20 * MS)]

@@ -6,13 +6,15 @@ import dataclasses
 import re
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
+from rosbags.convert.converter import generate_message_converter
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, Qos
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 _STORAGES = ('.mcap', '.db3')
 _SUFFIXES = (*_STORAGES, '.bag')
@@ -28,20 +30,17 @@ class Topic:
     """One topic of a recording. `message_type` is the ROS 2 name, 'sensor_msgs/msg/Image', for ROS 1 bags as well.
 
     count: messages of it. qos: what its publishers offered, empty where that was not recorded.
-    definition, digest: text and RIHS01 hash of the type, empty where not recorded (digest: the MD5 sum in ROS 1).
     """
 
     name: str
     message_type: str
     count: int
     qos: tuple[Qos, ...] = ()
-    definition: str = ''
-    digest: str = ''
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class RecordedMessage:
-    """One message as it lies in the recording: `data` is CDR, or what ROS 1 serializes; `time_ns` when it was taken."""
+    """One message: `data` as CDR of ROS 2, converted where the recording is of ROS 1; `time_ns` when it was taken."""
 
     topic: str
     message_type: str
@@ -53,18 +52,18 @@ class Recording:
     """An open recording; `open_recording` makes them.
 
     topics: by name. start_ns, end_ns: recording time of the first message and just after the last, 0 and 0 if empty.
-    is_ros1: whether the messages are those of ROS 1.
+    typestore: knows all types of the recording, as they are in ROS 2 Jazzy where it has them too.
     """
 
     def __init__(self, path: Path, reader: AnyReader) -> None:
         self.path = path
-        self.is_ros1 = not reader.is2
         self.topics = {topic.name: topic for topic in _topics(reader)}
         empty = reader.message_count == 0
         self.start_ns: int = 0 if empty else reader.start_time
         self.end_ns: int = 0 if empty else reader.end_time
+        self.typestore = _typestore(reader)
         self._reader = reader
-        self._ros2 = get_typestore(Stores.ROS2_JAZZY)
+        self._converters: dict[str, Callable[[bytes], memoryview]] = {}
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
@@ -78,14 +77,22 @@ class Recording:
             return
         with _told(self.path):
             for connection, time_ns, data in self._reader.messages(connections, start_ns, stop_ns):
-                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, data)
+                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, self._ros2(connection, data))
 
     def deserialize(self, message: RecordedMessage) -> Any:
         """The message as an object with the fields of its type. Raises RecordingError where it is damaged."""
         with _told(self.path):
-            if self._reader.is2 and message.message_type not in self._reader.typestore.fielddefs:
-                return self._ros2.deserialize_cdr(message.data, message.message_type)
-            return self._reader.deserialize(message.data, message.message_type)
+            return self.typestore.deserialize_cdr(message.data, message.message_type)
+
+    def _ros2(self, connection: Connection, data: bytes) -> bytes:
+        if self._reader.is2:
+            return data
+        name = connection.msgtype
+        if name not in self._converters:
+            with contextlib.redirect_stdout(None):  # it prints what it converts
+                self._converters[name] = generate_message_converter(
+                    self._reader.typestore, self.typestore, name, name, {}, src_is2=False, dst_is2=True)
+        return bytes(self._converters[name](data))
 
 
 @contextlib.contextmanager
@@ -104,6 +111,14 @@ def open_recording(path: Path) -> Iterator[Recording]:
         yield recording
 
 
+def _typestore(reader: AnyReader) -> Typestore:
+    """A ROS 2 recording is read by its own definitions; ROS 1 has other ones of the same names."""
+    own, jazzy = reader.typestore.fielddefs, get_typestore(Stores.ROS2_JAZZY).fielddefs
+    store = get_typestore(Stores.EMPTY)
+    store.register({**jazzy, **own} if reader.is2 else {**own, **jazzy})
+    return store
+
+
 def _topics(reader: AnyReader) -> Iterator[Topic]:
     by_name: dict[str, list[Connection]] = {}
     for connection in reader.connections:
@@ -112,7 +127,7 @@ def _topics(reader: AnyReader) -> Iterator[Topic]:
         first = connections[0]
         qos = tuple(profile for one in connections for profile in getattr(one.ext, 'offered_qos_profiles', ()))
         # Two files of one split bag that lost its metadata.yaml have a connection each, counted each.
-        yield Topic(name, first.msgtype, sum(one.msgcount for one in connections), qos, first.msgdef.data, first.digest)
+        yield Topic(name, first.msgtype, sum(one.msgcount for one in connections), qos)
 
 
 def _files(path: Path) -> list[Path]:
