@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -15,8 +15,6 @@ from .stereo_messages import TYPES
 
 Storage = Literal['mcap', 'sqlite3']
 Compression = Literal['none', 'zstd']
-STORAGES: tuple[Storage, ...] = get_args(Storage)
-COMPRESSIONS: tuple[Compression, ...] = get_args(Compression)
 _FOREVER = QosTime(9223372036, 854775807)
 RELIABLE = Qos(QosHistory.KEEP_LAST, 10, QosReliability.RELIABLE, QosDurability.VOLATILE, _FOREVER, _FOREVER,
                QosLiveliness.AUTOMATIC, _FOREVER, False)

@@ -1,33 +1,13 @@
-"""What the commands for recordings share: numbers on the command line, progress, and how they end."""
+"""What the commands that write recordings share: progress, and how they end."""
 from __future__ import annotations
 
-import argparse
 import contextlib
-import math
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
 
 REFUSED, INTERRUPTED = 2, 130
-
-
-def positive(text: str) -> float:
-    """A number above 0."""
-    return _number(text, lambda value: value > 0, 'a number above 0')
-
-
-def not_negative(text: str) -> float:
-    """A number from 0 up."""
-    return _number(text, lambda value: value >= 0, 'a number from 0 up')
-
-
-def _number(text: str, is_allowed: Callable[[float], bool], allowed: str) -> float:
-    with contextlib.suppress(ValueError):
-        value = float(text)
-        if math.isfinite(value) and is_allowed(value):
-            return value
-    raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be {allowed}')
 
 
 @contextlib.contextmanager
@@ -49,8 +29,10 @@ def ending(command: str, run: Callable[[], int]) -> int:
         return run()
     except OSError as error:
         print(f'{command}: {error.filename or "output"}: {error.strerror or error}', file=sys.stderr)
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         print(f'{command}: {error}', file=sys.stderr)
+    except ImportError as error:
+        print(f'{command}: {error}: install svdm_ros with the extra bags, or rosbags and rich', file=sys.stderr)
     except KeyboardInterrupt:
         print(f'{command}: interrupted, nothing was written', file=sys.stderr)
         return INTERRUPTED
