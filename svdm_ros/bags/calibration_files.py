@@ -51,7 +51,7 @@ def _read(path: Path) -> str:
 
 
 def _middlebury(text: str) -> StereoCalibration:
-    values = dict(re.findall(r'^\s*(\w+)\s*=\s*(.*?)\s*$', text, re.MULTILINE))
+    values = dict(re.findall(r'^[ \t]*(\w+)[ \t]*=[ \t]*(.*?)[ \t\r]*$', text, re.MULTILINE))
     left, right = (_middlebury_camera(values, name) for name in ('cam0', 'cam1'))
     baseline, doffs, width, height = (_middlebury_number(values, name)
                                       for name in ('baseline', 'doffs', 'width', 'height'))
@@ -84,7 +84,7 @@ def _middlebury_number(values: Mapping[str, str], name: str) -> float:
 
 def _kitti(text: str, colour: bool) -> StereoCalibration:
     lines = [line for line in text.splitlines() if line.strip()]
-    labelled = dict(re.findall(r'^\s*(\w+)\s*:\s*(.*?)\s*$', text, re.MULTILINE))
+    labelled = dict(re.findall(r'^[ \t]*(\w+)[ \t]*:[ \t]*(.*?)[ \t\r]*$', text, re.MULTILINE))
     cameras = (2, 3) if colour else (0, 1)
     if 'P_rect_00' in labelled or 'P_rect_02' in labelled:
         matrices = [_kitti_matrix(labelled, f'P_rect_0{camera}') for camera in cameras]
@@ -226,7 +226,7 @@ def _array(camera: Mapping[str, Any], name: str, shape: tuple[int, ...], side: s
         array = np.array(numbers, np.float64).ravel()
     except (TypeError, ValueError):
         array = np.empty(0)
-    if array.size != count:
+    if array.size != count or not np.isfinite(array).all():
         raise ValueError(f'{name} of the {side} camera must be {count} numbers')
     return array.reshape(shape)
 

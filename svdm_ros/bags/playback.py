@@ -42,33 +42,35 @@ _ACKNOWLEDGED = 2.0
 
 def play(options: argparse.Namespace, ros_arguments: list[str]) -> int:
     """Play, and say what was played; the exit code as `play_bag.main` has it."""
-    stop = threading.Event()
     try:
-        with open_recording(options.bag) as recording, _node(ros_arguments) as node:
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, lambda *_: stop.set())
-            return _play(recording, node, options, stop)
-    except (ValueError, RuntimeError) as error:
+        with open_recording(options.bag) as recording:
+            part = _part(recording, options.start, options.duration)
+            topics = chosen_topics(recording.topics, options.topics, with_clock=options.clock is None)
+            with _node(ros_arguments) as node:
+                return _play(recording, part, topics, node, options)
+    except (ValueError, RuntimeError) as error:  # rclpy's, of remappings, are one or the other
         print(f'play_bag: {" ".join(str(error).split())}', file=sys.stderr)
         return 2
 
 
-def _play(recording: Recording, node: Node, options: argparse.Namespace, stop: threading.Event) -> int:
-    start, end = _part(recording, options.start, options.duration)
-    topics = chosen_topics(recording.topics, options.topics, with_clock=options.clock is None)
+def _play(
+    recording: Recording, part: tuple[int, int | None], topics: Sequence[Topic], node: Node,
+    options: argparse.Namespace,
+) -> int:
     publishers, left_out = create_publishers(node, topics, recording.typestore)
     for reason in left_out:
         print(f'play_bag: left out: {reason}', file=sys.stderr)
     if not publishers:
         raise ValueError(f'{recording.path}: nothing of it can be played')
     clock = ClockPublisher(node, options.clock) if options.clock else None
+    stop = _stop_on_signals()
     player = Player(publishers, clock, options.rate, stop)
     if options.wait_for_subscribers:
         _wait_for_subscribers(publishers, stop)
     code = 0
     try:
         for _ in itertools.count() if options.loop == 0 else range(options.loop):
-            player.play_pass(recording.messages(set(publishers), start, end))
+            player.play_pass(recording.messages(set(publishers), *part))
             if stop.is_set():
                 break
             if not player.lateness.count:
@@ -82,6 +84,14 @@ def _play(recording: Recording, node: Node, options: argparse.Namespace, stop: t
         _let_arrive(publishers.values())
     print(f'{player}{", interrupted" if stop.is_set() else ""}')
     return code
+
+
+def _stop_on_signals() -> threading.Event:
+    """Set by SIGINT and SIGTERM from now on; an exception could come between publishing and counting."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop
 
 
 class Player:
