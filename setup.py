@@ -34,6 +34,8 @@ setup(
     entry_points={
         'console_scripts': [
             'disparity_node = svdm_ros.__main__:main',
+            'play_bag = svdm_ros.bags.play_bag:main',
+            'images_to_bag = svdm_ros.bags.images_to_bag:main',
             'svdm = svdm_core.cli:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],
