@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 from typing import Any
 
 import cv2
@@ -11,7 +12,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from ..frame_processing import FrameError
 from ..messages import MessageTypes
-from .stereo_topics import COMPRESSED
+from .calibration import StereoCalibration
+from .stereo_messages import Moment, camera_info_bytes
+from .stereo_topics import CAMERA_INFO, COMPRESSED
 
 ROS2 = get_typestore(Stores.ROS2_JAZZY)
 """The types of all that is written."""
@@ -63,6 +66,16 @@ def _encoding(pixels: NDArray[Any], stored_format: str) -> str:
     channels = pixels.shape[2] if pixels.ndim == 3 else 1
     names = {(1, 1): 'mono8', (1, 2): 'mono16', (3, 1): 'bgr8', (4, 1): 'bgra8'}
     return names.get((channels, pixels.itemsize), f'{pixels.dtype}, {channels} channels')
+
+
+def infos_of(calibration: StereoCalibration) -> tuple[Any, Any]:
+    """sensor_msgs/CameraInfo of the left and the right camera; 0x0 px, which fits any image, where it has no size."""
+    cameras = calibration.left, calibration.right
+    left, right = (
+        ROS2.deserialize_cdr(camera_info_bytes(dataclasses.replace(camera, size=camera.size or (0, 0)), Moment(0, '')),
+                             CAMERA_INFO)
+        for camera in cameras)
+    return left, right
 
 
 class ByStamp[Message]:

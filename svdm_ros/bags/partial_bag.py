@@ -12,7 +12,7 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -109,14 +109,16 @@ class PartialBag:
             self._remove_unlisted()
         self._lock.close()
 
-    def finish(self, extra: dict[str, bytes]) -> None:
-        """Join what is there and give the bag its name, `extra` files with it; a bag of that name is replaced."""
+    def finish(self, add_files: Callable[[Path], None]) -> None:
+        """Join what is there and give the bag its name; a bag of that name is replaced.
+
+        `add_files(folder)` is called before that, when the bag is complete, and may write further files beside it.
+        """
         if self._segments():
             self._join()
+        add_files(self._folder)
         self._metadata['custom_data'] = None
         self._write_metadata()
-        for name, content in extra.items():
-            (self._folder / name).write_bytes(content)
         (self._folder / _LOCK).unlink()
         replaced = self._output.with_name(f'{self._output.name}.replaced')
         if self._output.exists():
@@ -125,6 +127,11 @@ class PartialBag:
         if replaced.exists():
             shutil.rmtree(replaced)
         self._lock.close()
+
+    def discard(self) -> None:
+        """Remove it, with all that is in it."""
+        self.abandon_segment()
+        shutil.rmtree(self._folder)
 
     def _segments(self) -> list[dict[str, Any]]:
         return [file for file in self._metadata['files'] if file['path'].endswith(_SEGMENT_SUFFIX)]

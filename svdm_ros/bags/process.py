@@ -10,10 +10,12 @@ from typing import Any
 
 from ..frame_processing import FrameError, FrameProcessor, StereoFrame
 from ..parameter_set import NodeParameters
-from .frames import TYPES, as_image
+from .calibration import StereoCalibration
+from .frames import TYPES, as_image, infos_of
 from .outputs import Outputs
 from .pair_stream import PairStream, RecordedPair
 from .partial_bag import PartialBag, open_partial, partial_path
+from .preview import write_preview
 from .recording import RecordedMessage, Recording, RecordingError, open_recording
 from .stereo_topics import StereoTopics, find_stereo_topics
 from .summary import SUMMARY_FILE, Progress, Summary
@@ -30,8 +32,8 @@ Tell = Callable[[int, int], None]
 class Job:
     """One recording to process, and how. Picklable.
 
-    start_s, duration_s: from the beginning of the recording; None is to its end. infos: camera_info messages (left,
-    right) to take in place of the recorded ones.
+    start_s, duration_s: from the beginning of the recording; None is to its end. calibration: in place of the recorded
+    camera_info. preview: 'mp4' or 'png', see `preview`.
     """
 
     input: Path
@@ -43,7 +45,8 @@ class Job:
     duration_s: float | None = None
     copy_inputs: bool = False
     depth: bool = False
-    infos: tuple[Any, Any] | None = None
+    calibration: StereoCalibration | None = None
+    preview: str | None = None
     force: bool = False
 
 
@@ -76,11 +79,12 @@ def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
     with open_recording(job.input) as recording:
         topics = _topics(job, recording)
         images = frozenset({topics.left, topics.right}) if job.copy_inputs else frozenset()
-        outputs = Outputs(topics, images | frozenset(topics.infos), job.depth, job.infos is not None)
+        infos = infos_of(job.calibration) if job.calibration else None
+        outputs = Outputs(topics, images | frozenset(topics.infos), job.depth, calibrated=infos is not None)
         start_ns = recording.start_ns + round(job.start_s * 1e9)
         stop_ns = recording.end_ns if job.duration_s is None else start_ns + round(job.duration_s * 1e9)
         stream = PairStream(recording, topics, job.parameters.tolerance_ns, copied=outputs.copied,
-                            start_ns=start_ns, stop_ns=stop_ns, infos=job.infos)
+                            start_ns=start_ns, stop_ns=stop_ns, infos=infos)
         declared = outputs.declared(recording)
         with open_partial(job.output, declared, _settings(job, topics), force=job.force) as bag:
             run = _Run(job, topics, stream, outputs, bag)
@@ -100,6 +104,7 @@ class _Run:
         self._bag = bag
         self._processor = FrameProcessor(TYPES)
         self._progress = Progress.of(bag.state)
+        self._written = bag.state
         self._matched = 0
         self._matcher_ms = 0.0
 
@@ -110,16 +115,22 @@ class _Run:
         try:
             self._pass(tell)
             if self._progress.disparities:
-                self._bag.finish({SUMMARY_FILE: self._summary(start).json()})
+                self._bag.finish(lambda folder: self._add_files(folder, start))
         except RecordingError as error:
             problem = str(error)
         except OSError as error:
-            problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}: make room, then the '
+            problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}; make room, then the '
                        'same command goes on from there')
         summary = dataclasses.replace(self._summary(start), problem=problem)
-        if not problem and not self._progress.disparities:
-            raise NoPairsError(_nothing(self._job, summary))
+        if not self._progress.disparities:
+            self._bag.discard()
+            raise NoPairsError(problem or _nothing(self._job, summary))
         return summary
+
+    def _add_files(self, folder: Path, start: float) -> None:
+        (folder / SUMMARY_FILE).write_bytes(self._summary(start).json())
+        if self._job.preview:
+            write_preview(folder, self._job.preview)
 
     def _pass(self, tell: Callable[[int], None]) -> None:
         writer: WriteBehind[Callable[[], None]] = WriteBehind(lambda write: write(), _AHEAD)
@@ -133,7 +144,7 @@ class _Run:
         finally:
             # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
             writer.close()
-            self._bag.commit(self._progress.as_dict(), now=True)
+            self._bag.commit(self._written, now=True)
 
     def _process(self, entry: RecordedPair | RecordedMessage, writer: WriteBehind[Callable[[], None]]) -> None:
         if isinstance(entry, RecordedMessage):
@@ -168,6 +179,7 @@ class _Run:
     ) -> None:
         for topic, data in messages:
             self._bag.write(topic, time_ns, data)
+        self._written = state
         self._bag.commit(state)
 
     def _summary(self, start: float) -> Summary:
@@ -182,7 +194,7 @@ def _topics(job: Job, recording: Recording) -> StereoTopics:
         topics = find_stereo_topics(recording.topics, job.left, job.right)
     except RecordingError as error:
         raise RecordingError(f'{job.input}: {error}') from None
-    return dataclasses.replace(topics, left_info=None, right_info=None) if job.infos else topics
+    return dataclasses.replace(topics, left_info=None, right_info=None) if job.calibration else topics
 
 
 def _expected(recording: Recording, topics: StereoTopics, start_ns: int, stop_ns: int) -> int:
@@ -202,8 +214,12 @@ def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
         'topics': [topics.left, topics.right],
         'parameters': parameters,
         '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs, '--depth': job.depth,
-        '--calib': [list(map(float, info.p)) for info in job.infos] if job.infos else None,
+        '--calib': _matrices(job.calibration),
     }
+
+
+def _matrices(calibration: StereoCalibration | None) -> list[list[float]] | None:
+    return calibration and [camera.p.ravel().tolist() for camera in (calibration.left, calibration.right)]
 
 
 def _as_dict(parameters: NodeParameters) -> dict[str, Any]:
