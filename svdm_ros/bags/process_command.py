@@ -66,10 +66,9 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
     for outcome in outcomes:
         if outcome.problem:
             print(f'process_bag: {outcome.problem}', file=sys.stderr)
-    finished = [outcome for outcome in outcomes if outcome.lines]
-    if not finished and len(waiting) == len(jobs):
+    if len(waiting) == len(jobs) and not any(outcome.lines for outcome in outcomes):
         return 2
-    return max(outcome.exit_code for outcome in outcomes)
+    return 1 if any(outcome.exit_code for outcome in outcomes) else 0
 
 
 def _inputs(given: Sequence[str]) -> list[Path]:

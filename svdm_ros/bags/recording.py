@@ -113,9 +113,11 @@ def open_recording(path: Path) -> Iterator[Recording]:
 
 def _typestore(reader: AnyReader) -> Typestore:
     """A ROS 2 recording is read by its own definitions; ROS 1 has other ones of the same names."""
-    own, jazzy = reader.typestore.fielddefs, get_typestore(Stores.ROS2_JAZZY).fielddefs
+    own, jazzy = reader.typestore.fielddefs, get_typestore(Stores.ROS2_JAZZY)
+    if all(jazzy.fielddefs.get(name) == definition for name, definition in own.items()):
+        return jazzy
     store = get_typestore(Stores.EMPTY)
-    store.register({**jazzy, **own} if reader.is2 else {**own, **jazzy})
+    store.register({**jazzy.fielddefs, **own} if reader.is2 else {**own, **jazzy.fielddefs})
     return store
 
 
