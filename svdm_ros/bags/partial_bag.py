@@ -103,8 +103,7 @@ class PartialBag:
         """Give up the file in work and close the rest: after an error, or before the process ends."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            with contextlib.suppress(Exception):  # the disk may be full
-                writer.abort()
+            _give_up(writer)
         with contextlib.suppress(OSError):
             self._remove_unlisted()
         self._lock.close()
@@ -159,7 +158,11 @@ class PartialBag:
         assert writer is not None
         earlier = self._metadata.setdefault('files', [])
         number = 1 + max((int(file['path'].partition('.')[0]) for file in self._segments()), default=-1)
-        added = self._closed(writer, f'{number}{_SEGMENT_SUFFIX}')
+        try:
+            added = self._closed(writer, f'{number}{_SEGMENT_SUFFIX}')
+        except BaseException:
+            _give_up(writer)
+            raise
         files = [file for file in earlier if file['message_count']]
         counts = [entry['message_count'] for entry in self._metadata.get('topics_with_message_count', ())]
         self._metadata = added
@@ -184,10 +187,14 @@ class PartialBag:
     def _join(self) -> None:
         """All segments into one volume."""
         writer, _ = self._open_writer(f'{_IN_WORK}_volume')
-        for file in self._segments():
-            writer.append(self._folder / file['path'])
         volumes = self._volumes()
-        joined = self._closed(writer, f'{self._output.name}_{len(volumes)}.mcap')
+        try:
+            for file in self._segments():
+                writer.append(self._folder / file['path'])
+            joined = self._closed(writer, f'{self._output.name}_{len(volumes)}.mcap')
+        except BaseException:
+            _give_up(writer)
+            raise
         self._metadata['files'] = volumes + joined['files']
         self._write_metadata()
         self._remove_unlisted()
@@ -250,6 +257,11 @@ def open_partial(
     finally:
         if not lock.closed:
             bag.abandon_segment()
+
+
+def _give_up(writer: BagWriter) -> None:
+    with contextlib.suppress(Exception):  # the disk may be full
+        writer.abort()
 
 
 def _check_same(folder: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
