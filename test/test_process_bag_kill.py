@@ -108,5 +108,6 @@ def test_a_signal_ends_it_with_a_line_and_loses_no_pair_that_is_done(bag, start,
     os.kill(process.pid, number)
     process.join(20)
     assert process.exitcode == 130
-    assert 'interrupted; what is done is kept, the same command goes on from there' in (tmp_path / 'out.log').read_text()
+    told = (tmp_path / 'out.log').read_text()
+    assert 'interrupted; what is done is kept, the same command goes on from there' in told
     assert 10 <= sum(topic == '/disparity' for topic, _, _ in contents(partial)) < PAIRS
