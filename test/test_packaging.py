@@ -178,6 +178,7 @@ def prefix(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize('path', [
     'lib/svdm_ros/disparity_node',
+    'lib/svdm_ros/process_bag',
     'share/ament_index/resource_index/packages/svdm_ros',
     'share/svdm_ros/package.xml',
     'share/svdm_ros/config/fastdds.xml',
