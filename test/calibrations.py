@@ -73,8 +73,10 @@ def write_ros(folder):
         f_x, f_y, c_x, c_y = camera['intrinsics']
         k.append(np.array([[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]]))
         d.append(np.array([*camera['distortion_coefficients'], 0.0]))
-    right_from_left = np.linalg.inv(np.reshape(right['T_BS']['data'], (4, 4))) @ np.reshape(left['T_BS']['data'], (4, 4))
-    r_p = cv2.stereoRectify(k[0], d[0], k[1], d[1], EUROC_SIZE, right_from_left[:3, :3].copy(), right_from_left[:3, 3:].copy(),
+    body_from_left, body_from_right = (np.reshape(camera['T_BS']['data'], (4, 4)) for camera in (left, right))
+    right_from_left = np.linalg.inv(body_from_right) @ body_from_left
+    rotation, translation = right_from_left[:3, :3].copy(), right_from_left[:3, 3:].copy()
+    r_p = cv2.stereoRectify(k[0], d[0], k[1], d[1], EUROC_SIZE, rotation, translation,
                             flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
     files = []
     for side, name in enumerate(('left', 'right')):

@@ -93,7 +93,7 @@ def test_euroc_finds_the_right_camera_beside_the_left_one(tmp_path):
 
 
 def test_swapped_cameras_are_told(tmp_path):
-    with pytest.raises(ValueError, match='baseline is -0.11 m, it must be positive: left and right look swapped'):
+    with pytest.raises(ValueError, match=r'baseline is -0\.11 m, it must be positive: left and right look swapped'):
         read_calibration(write_euroc(tmp_path)[::-1], False)
 
 

@@ -44,7 +44,8 @@ class FilePairs:
 def find_pairs(left: Path, right: Path, rate: float | None) -> FilePairs:
     """Pair the images of two folders, or two single images.
 
-    Files of the same name belong together; where the names differ, the n-th of either folder in natural order.
+    Files of the same name belong together; where no two names are the same, the n-th of either folder in natural
+    order.
     Stamps are the file names where those are ns (images without a partner are then left out), else the lines of a
     times.txt, else `rate` Hz (10 where None). A `rate` replaces either.
     Raises ValueError naming the folder or file that does not fit.
@@ -88,11 +89,15 @@ def _match(
     by_name = {path.stem: path for path in right}
     names = {path.stem for path in left}
     single = [path for path in left if path.stem not in by_name] + [path for path in right if path.stem not in names]
-    if not single or (leave_out and len(single) < len(left) + len(right)):
+    named_alike = len(single) < len(left) + len(right)
+    if not single or (leave_out and named_alike):
         return [(path, by_name[path.stem]) for path in left if path.stem in by_name], single
+    if named_alike:  # by their order they would be paired wrongly from here on
+        raise ValueError(f'{single[0]} has no partner of its name on the other side, as {len(single)} of '
+                         f'{len(left) + len(right)} images: remove these, or add their partners')
     if len(left) != len(right):
-        raise ValueError(f'{left[0].parent} has {len(left)} images and {right[0].parent} has {len(right)}; the first '
-                         f'without one of its name on the other side is {single[0]}: both need as many')
+        raise ValueError(f'{left[0].parent} has {len(left)} images and {right[0].parent} has {len(right)}, and none '
+                         'has the name of one on the other side: both need as many')
     return list(zip(left, right, strict=True)), []
 
 

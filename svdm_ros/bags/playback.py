@@ -4,14 +4,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import itertools
-import os
 import signal
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -22,22 +19,19 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
-from svdm_core.presets import preset_folder
-
-from ..demo.processes import write_profile
+from .dds_profile import image_profile
 from .publishers import create_publishers
 from .recording import RecordedMessage, Recording, RecordingError, Topic, open_recording
 from .timing import Lateness, Schedule
 
 CLOCK = '/clock'
-_PROFILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _SETTLED = 1.0
 """s without a further subscriber, after which all that listen are taken to be there."""
 _POLL = 0.02
 _LINGER = 0.2
 """s; for the last messages to be taken, best effort ones too."""
-_ACKNOWLEDGED = 2.0
-"""s to wait for slow reliable subscribers at the end."""
+_ACKNOWLEDGED = 4.0
+"""s to wait for reliable subscribers at the end; Fast DDS asks them every 3 s what they have received."""
 
 
 def play(options: argparse.Namespace, ros_arguments: list[str]) -> int:
@@ -200,15 +194,12 @@ def _let_arrive(publishers: Iterable[Publisher]) -> None:
 
 @contextlib.contextmanager
 def _node(ros_arguments: list[str]) -> Iterator[Node]:
-    """A node of its own context, with room in shared memory for images where nobody has set the profile."""
-    with tempfile.TemporaryDirectory(prefix='svdm_play_') as folder:
-        if _PROFILE not in os.environ:
-            os.environ[_PROFILE] = str(write_profile(preset_folder() / 'fastdds.xml', Path(folder) / 'fastdds.xml'))
-        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
-        try:
-            # Nothing spins it, so it offers no services.
+    """A node that nothing spins, so it offers no services."""
+    try:
+        with image_profile():
+            rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
             node = rclpy.create_node('play_bag', start_parameter_services=False)
-            yield node
-            node.destroy_node()
-        finally:
-            rclpy.try_shutdown()
+        yield node
+        node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
