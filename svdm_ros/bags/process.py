@@ -122,6 +122,9 @@ class _Run:
             problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}; make room, then the '
                        'same command goes on from there')
         summary = dataclasses.replace(self._summary(start), problem=problem)
+        if problem:  # what counts is what reached the disk
+            self._progress = Progress.of(self._bag.state)
+            summary = dataclasses.replace(summary, progress=self._progress)
         if not self._progress.disparities:
             self._bag.discard()
             raise NoPairsError(problem or _nothing(self._job, summary))
