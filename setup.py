@@ -28,12 +28,17 @@ setup(
     extras_require={
         'test': ['pytest'],
         'cli': ['rich', 'jinja2', 'scikit-image', 'matplotlib'],
+        'bags': ['rosbags>=0.11.9,<0.12', 'rich'],
+        'cluster': ['rosbags>=0.11.9,<0.12', 'rich', 'dask', 'distributed'],
         'tune': ['optuna', 'rich', 'jinja2', 'matplotlib'],
     },
     zip_safe=False,
     entry_points={
         'console_scripts': [
             'disparity_node = svdm_ros.__main__:main',
+            'process_bag = svdm_ros.bags.process_bag:main',
+            'play_bag = svdm_ros.bags.play_bag:main',
+            'images_to_bag = svdm_ros.bags.images_to_bag:main',
             'svdm = svdm_core.cli:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],

@@ -37,17 +37,30 @@ def load_preset(name_or_path: str | Path) -> MatcherParameters:
     Raises ValueError: naming the presets there are for an unknown name or a missing file (PresetNotFoundError),
     and naming file and reason for anything in it that is not a set of matcher parameters.
     """
-    path = Path(name_or_path)
-    if path.suffix not in ('.yaml', '.yml'):
-        path = preset_folder() / f'{name_or_path}.yaml'
+    values = preset_values(name_or_path)
+    try:
+        return MatcherParameters.from_mapping(values)
+    except ValueError as error:
+        raise ValueError(f'{_preset_path(name_or_path)}: {error}') from None
+
+
+def preset_values(name_or_path: str | Path) -> dict[str, Any]:
+    """What a preset, or any ROS parameter file of one node, sets: name -> value, not checked. Raises as `load_preset`.
+    """
+    path = _preset_path(name_or_path)
     if not path.is_file():
         raise PresetNotFoundError(f'no preset {str(name_or_path)!r}: {_there_are()}, or give a .yaml file')
     try:
-        return MatcherParameters.from_mapping(_ros_parameters(yaml.safe_load(path.read_text())))
+        return _ros_parameters(yaml.safe_load(path.read_text()))
     except yaml.YAMLError as error:
         raise ValueError(f'{path}: not YAML: {" ".join(str(error).split())}') from None
     except ValueError as error:
         raise ValueError(f'{path}: {error}') from None
+
+
+def _preset_path(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    return path if path.suffix in ('.yaml', '.yml') else preset_folder() / f'{name_or_path}.yaml'
 
 
 def preset_text(parameters: MatcherParameters, comment: str) -> str:

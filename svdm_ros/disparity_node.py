@@ -16,7 +16,8 @@ from stereo_msgs.msg import DisparityImage
 from .diagnostics import diagnostic_array
 from .frame_processing import FrameError, FrameProcessor, StereoFrame
 from .frame_statistics import FrameStatistics, Rate
-from .node_parameters import DeclaredParameters, NodeParameters, unknown_parameter_line
+from .node_parameters import DeclaredParameters, unknown_parameter_line
+from .parameter_set import NodeParameters
 from .quality_of_service import (
     OVERRIDABLE,
     Entity,
@@ -65,9 +66,11 @@ class DisparityNode(Node):
         self._worker: Worker[StereoFrame] = Worker(
             self._warm_up, self._process, self._statistics.count_drop, self._report_failure
         )
+        # The executor takes what has come in this order: calibration first, so that the first pair has it.
+        for side in _SIDES:
+            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
         for side in _SIDES:
             self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
-            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
         self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
         self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
         self._rate = Rate(time.monotonic())

@@ -8,7 +8,7 @@ from svdm_core import StereoMatcher
 
 from .camera_geometry import stereo_geometry
 from .image_conversion import image_to_array
-from .messages import disparity_image
+from .messages import MessageTypes, disparity_image
 
 if TYPE_CHECKING:
     import numpy as np
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from sensor_msgs.msg import CameraInfo, Image
     from stereo_msgs.msg import DisparityImage
 
-    from .node_parameters import NodeParameters
+    from .parameter_set import NodeParameters
 
     Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -50,9 +50,13 @@ class FrameError(ValueError):
 
 
 class FrameProcessor:
-    """Holds the matcher. Everything here must be called from one and the same thread."""
+    """Holds the matcher. Everything here must be called from one and the same thread.
 
-    def __init__(self) -> None:
+    `types` are the message classes that come out, rclpy's by default; those that come in may be of any library.
+    """
+
+    def __init__(self, types: MessageTypes | None = None) -> None:
+        self._types = types
         self._matcher: StereoMatcher | None = None
         self._threads = 0
 
@@ -70,7 +74,8 @@ class FrameProcessor:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
         height, width = left.shape[:2]
         geometry = stereo_geometry(frame.left_info, frame.right_info, width, height, parameters.baseline)
-        message = disparity_image(result, geometry, parameters.matcher, frame.left.header, parameters.publish_filled)
+        message = disparity_image(
+            result, geometry, parameters.matcher, frame.left.header, parameters.publish_filled, self._types)
         return ProcessedFrame(message, result.timings, geometry.problem)
 
     def _matcher_for(self, parameters: NodeParameters) -> StereoMatcher:

@@ -1,21 +1,51 @@
-"""The matcher's result as stereo_msgs/DisparityImage."""
+"""The matcher's result as stereo_msgs/DisparityImage, in the classes of rclpy or of any other library of messages."""
 from __future__ import annotations
 
 import array
+import dataclasses
+import functools
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sensor_msgs.msg import RegionOfInterest
-from stereo_msgs.msg import DisparityImage
 
 if TYPE_CHECKING:
     from std_msgs.msg import Header
+    from stereo_msgs.msg import DisparityImage
 
     from svdm_core import DisparityResult, MatcherParameters
 
     from .camera_geometry import StereoGeometry
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class MessageTypes:
+    """Classes to build messages from, called with all fields as keywords.
+
+    to_data: float32 (H, W), contiguous -> what the class takes as `Image.data`.
+    """
+
+    disparity_image: Callable[..., Any]
+    image: Callable[..., Any]
+    region_of_interest: Callable[..., Any]
+    to_data: Callable[[NDArray[np.float32]], Any]
+
+
+@functools.cache
+def rclpy_types() -> MessageTypes:
+    """The classes of a ROS installation."""
+    from sensor_msgs.msg import Image, RegionOfInterest
+    from stereo_msgs.msg import DisparityImage
+
+    return MessageTypes(DisparityImage, Image, RegionOfInterest, _byte_array)
+
+
+def _byte_array(pixels: NDArray[np.float32]) -> array.array[int]:
+    data = array.array('B')  # any other type is copied element by element: 100 times slower
+    data.frombytes(memoryview(pixels).cast('B'))
+    return data
 
 
 def disparity_image(
@@ -24,12 +54,14 @@ def disparity_image(
     parameters: MatcherParameters,
     header: Header,
     publish_filled: bool = True,
+    types: MessageTypes | None = None,
 ) -> DisparityImage:
     """The message for one result, in the convention d = x_left - x_right - (cx_left - cx_right).
 
     Everything that is a disparity is shifted by the principal offset, the ends of the search range as well.
     With `publish_filled` every pixel has a disparity; without it those that failed the left-right check are
-    min_disparity - 1, below the range as stereo_msgs defines invalid.
+    min_disparity - 1, below the range as stereo_msgs defines invalid. `types` are the classes to build it from,
+    those of rclpy by default.
     """
     # All in float32, so that no valid disparity is rounded to below min_disparity.
     offset = np.float32(geometry.principal_offset)
@@ -39,27 +71,31 @@ def disparity_image(
     if not publish_filled:
         disparity[~result.valid] = smallest - np.float32(1)
 
-    message = DisparityImage(header=header)
-    _fill_image(message, disparity)
-    message.f = geometry.focal_length
-    message.t = geometry.baseline
-    message.min_disparity = float(smallest)
-    message.max_disparity = float(largest)
-    message.delta_d = _disparity_step(parameters, smallest, largest)
-    message.valid_window = _valid_window(disparity.shape, 0 if publish_filled else parameters.min_disparity)
-    return message
+    types = types or rclpy_types()
+    return types.disparity_image(
+        header=header,
+        image=float_image(disparity, header, types),
+        f=geometry.focal_length,
+        t=geometry.baseline,
+        valid_window=_valid_window(disparity.shape, 0 if publish_filled else parameters.min_disparity, types),
+        min_disparity=float(smallest),
+        max_disparity=float(largest),
+        delta_d=_disparity_step(parameters, smallest, largest),
+    )
 
 
-def _fill_image(message: DisparityImage, disparity: NDArray[np.float32]) -> None:
-    image = message.image
-    image.header = message.header
-    image.height, image.width = disparity.shape
-    image.encoding = '32FC1'
-    image.is_bigendian = int(sys.byteorder == 'big')
-    image.step = image.width * disparity.itemsize
-    pixels = array.array('B')  # any other type is copied element by element: 100 times slower
-    pixels.frombytes(memoryview(np.ascontiguousarray(disparity)).cast('B'))
-    image.data = pixels
+def float_image(values: NDArray[np.float32], header: Header, types: MessageTypes) -> Any:
+    """sensor_msgs/Image of encoding 32FC1. values: float32 (H, W)."""
+    height, width = values.shape
+    return types.image(
+        header=header,
+        height=height,
+        width=width,
+        encoding='32FC1',
+        is_bigendian=int(sys.byteorder == 'big'),
+        step=width * values.itemsize,
+        data=types.to_data(np.ascontiguousarray(values)),
+    )
 
 
 def _disparity_step(parameters: MatcherParameters, smallest: np.float32, largest: np.float32) -> float:
@@ -67,8 +103,8 @@ def _disparity_step(parameters: MatcherParameters, smallest: np.float32, largest
     return float(np.spacing(max(abs(smallest), abs(largest)))) if parameters.subpixel and largest > smallest else 1.0
 
 
-def _valid_window(shape: tuple[int, ...], unmatched_columns: int) -> RegionOfInterest:
+def _valid_window(shape: tuple[int, ...], unmatched_columns: int, types: MessageTypes) -> Any:
     """Where a disparity can be: columns left of min_disparity have no partner and are known only by filling."""
     height, width = shape
     left = min(unmatched_columns, width)
-    return RegionOfInterest(x_offset=left, y_offset=0, width=width - left, height=height, do_rectify=False)
+    return types.region_of_interest(x_offset=left, y_offset=0, height=height, width=width - left, do_rectify=False)

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 from svdm_core import ParameterInfo
 
-from .node_parameters import node_parameter_table
+from .parameter_set import node_parameter_table
 
 
 def markdown_table() -> str:

@@ -99,8 +99,8 @@ class StereoPairer[Image]:
 
     Pairs come out in order of time and each image is used at most once. A pair comes out as soon as no image still to
     come can be a nearer partner: at once where the tolerance is below half the frame period, and with equal stamps.
-    When the stamps of a side jump back, what was queued before the jump is dropped. `tolerance_ns` and `queue_size` may
-    be assigned at any time. `jumps` counts the jumps.
+    When the stamps of a side jump back, what was queued before the jump is paired as far as it can be, and dropped.
+    `tolerance_ns` and `queue_size` may be assigned at any time. `jumps` counts the jumps.
     """
 
     def __init__(self, tolerance_ns: int = 0, queue_size: int = 10) -> None:
@@ -129,11 +129,20 @@ class StereoPairer[Image]:
     def add(self, side: SideName, stamp_ns: int, image: Image) -> list[Pair[Image]]:
         """Take in one image and return the pairs that are now certain, oldest first."""
         own, other = (self._left, self._right) if side == 'left' else (self._right, self._left)
+        pairs = []
         if own.newest is not None and own.goes_back(stamp_ns):
+            pairs = self.flush()
             self._restart(own, other, stamp_ns, own.newest)
         self._note_gap(other, stamp_ns)
         own.insert(stamp_ns, image, self.queue_size)
-        return list(self._settled_pairs())
+        return pairs + list(self._settled_pairs(at_end=False))
+
+    def flush(self) -> list[Pair[Image]]:
+        """The pairs among the images that wait, oldest first: for the end of a recording, when no nearer one can come.
+
+        The images left over go on waiting.
+        """
+        return list(self._settled_pairs(at_end=True))
 
     def _restart(self, own: _Side[Image], other: _Side[Image], now: int, before: int) -> None:
         """Drop what is older than the jump; the other side may have jumped first, its new images stay."""
@@ -148,11 +157,11 @@ class StereoPairer[Image]:
             gap = abs(other.stamps[position] - stamp)
             self._closest_gap_ns = gap if self._closest_gap_ns is None else min(gap, self._closest_gap_ns)
 
-    def _settled_pairs(self) -> Iterator[Pair[Image]]:
+    def _settled_pairs(self, *, at_end: bool) -> Iterator[Pair[Image]]:
         while (found := self._first_pair()) is not None:
             left, right = found
             left_stamp, right_stamp = self._left.stamps[left], self._right.stamps[right]
-            if not self._is_settled(left_stamp, right_stamp):
+            if not at_end and not self._is_settled(left_stamp, right_stamp):
                 return
             yield Pair(self._left.take(left), self._right.take(right), abs(left_stamp - right_stamp))
 

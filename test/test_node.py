@@ -19,7 +19,8 @@ from node_bench import (
 )
 
 from svdm_ros.image_conversion import ENCODINGS
-from svdm_ros.node_parameters import descriptor, node_parameter_table
+from svdm_ros.node_parameters import descriptor
+from svdm_ros.parameter_set import node_parameter_table
 
 DEFAULTS = {info.name: info.default for info in node_parameter_table()}
 

@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterType
 
 from svdm_core import parameter_table
-from svdm_ros.node_parameters import NodeParameters, descriptor, node_parameter_table, unknown_parameter_line
+from svdm_ros.node_parameters import descriptor, unknown_parameter_line
+from svdm_ros.parameter_set import NodeParameters, node_parameter_table
 
 TABLE = node_parameter_table()
 TYPES = {

@@ -177,7 +177,7 @@ def prefix(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize('path', [
-    'lib/svdm_ros/disparity_node',
+    *(f'lib/svdm_ros/{executable}' for executable in ('disparity_node', 'process_bag', 'play_bag', 'images_to_bag')),
     'share/ament_index/resource_index/packages/svdm_ros',
     'share/svdm_ros/package.xml',
     'share/svdm_ros/config/fastdds.xml',
@@ -199,7 +199,8 @@ def test_installed_config_is_complete_and_the_node_executable(prefix):
 def test_the_installed_node_heeds_signals_before_it_imports_anything_that_takes_time(prefix):
     [scripts] = prefix.glob('lib/python*/site-packages/svdm_ros-*.egg-info/entry_points.txt')
     assert 'disparity_node = svdm_ros.__main__:main' in scripts.read_text().splitlines()
-    code = 'import sys, svdm_ros.__main__; print({"rclpy", "numba", "numpy", "cv2"} & set(sys.modules))'
+    code = ('import sys, svdm_ros.__main__, svdm_ros.bags.play_bag, svdm_ros.bags.process_bag; '
+            'print({"rclpy", "numba", "numpy", "cv2"} & set(sys.modules))')
     run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
     assert run.stdout == 'set()\n', run.stderr
 

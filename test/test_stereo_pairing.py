@@ -47,8 +47,8 @@ def test_pairs_are_near_in_order_used_once_and_the_queue_is_bounded(stream, tole
     for number, (side, stamp) in enumerate(stream):
         jumps = pairer.jumps
         new = pairer.add(side, stamp, (number, stamp))
-        if pairer.jumps != jumps:
-            pairs.append(None)
+        if pairer.jumps != jumps:  # with the jump come the pairs from before it, then those of after
+            new = [entry for pair in new for entry in (pair, None)] or [None]
         pairs += new
         assert max(pairer.waiting.values()) <= queue_size
     made = [pair for pair in pairs if pair]
@@ -194,3 +194,29 @@ def test_the_closest_gap_is_the_smallest_not_the_last():
     pairer = StereoPairer()
     feed(pairer, [('left', 0), ('right', 3 * MS), ('left', 200 * MS), ('right', 207 * MS)])
     assert pairer.take_closest_gap() == 3 * MS
+
+
+def test_at_the_end_a_pair_that_might_have_found_nearer_partners_comes_out():
+    pairer = StereoPairer(tolerance_ns=30 * MS)
+    assert feed(pairer, [('left', 0), ('left', 33 * MS), ('right', 53 * MS)]) == []  # a left at 66 ms would be nearer
+    assert pairer.flush() == [Pair(33 * MS, 53 * MS, 20 * MS)]
+    assert pairer.flush() == []
+
+
+@given(STREAM, st.integers(0, 100))
+def test_after_the_end_every_image_is_paired_left_over_or_counted(stream, tolerance_ms):
+    pairer = StereoPairer(tolerance_ms * MS, queue_size=100)
+    pairs = feed(pairer, stream) + pairer.flush()
+    for side in ('left', 'right'):
+        sent = sum(1 for name, _ in stream if name == side)
+        assert sent == len(pairs) + pairer.waiting[side] + pairer.unpaired[side]
+    assert pairer.flush() == []
+
+
+def test_a_pair_that_waits_when_time_jumps_back_is_not_lost():
+    pairer = StereoPairer(tolerance_ns=30 * MS)
+    once = [('left', 0), ('left', 33 * MS), ('right', 53 * MS)]
+    later = [(side, stamp - 1000 * MS) for side, stamp in once]
+    assert feed(pairer, once + later) == [Pair(33 * MS, 53 * MS, 20 * MS)]
+    assert pairer.jumps == 1
+    assert pairer.flush() == [Pair(-967 * MS, -947 * MS, 20 * MS)]

@@ -51,16 +51,16 @@ def read_kitti_scene(folder: Path, layout: KittiLayout, name: str) -> StereoScen
     """Read one frame. ValueError names the file that is missing or wrong."""
     kind = cv2.IMREAD_COLOR if layout.colour else cv2.IMREAD_GRAYSCALE
     left, right = (read_image(folder / side / f'{name}.png', kind) for side in (layout.left, layout.right))
-    nonocc = _read_truth(folder / layout.nonocc / f'{name}.png')
-    truth = _read_truth(folder / layout.all / f'{name}.png')
+    nonocc = read_kitti_truth(folder / layout.nonocc / f'{name}.png')
+    truth = read_kitti_truth(folder / layout.all / f'{name}.png')
     if nonocc.shape != truth.shape:
         raise ValueError(f'{name}: {layout.nonocc} has {nonocc.shape[1]} x {nonocc.shape[0]} pixels, '
                          f'{layout.all} {truth.shape[1]} x {truth.shape[0]}')
     return StereoScene(name, left, right, truth, np.isfinite(nonocc), KITTI_NUM_DISPARITIES)
 
 
-def _read_truth(path: Path) -> Float32:
-    """float32 (H, W), px, inf where unknown."""
+def read_kitti_truth(path: Path) -> Float32:
+    """Ground truth as float32 (H, W), px, inf where unknown. ValueError where it is no grey PNG of 16 bit."""
     steps: Image = read_image(path, cv2.IMREAD_UNCHANGED)
     if steps.dtype != np.uint16 or steps.ndim != 2:
         raise ValueError(f'{path}: {steps.dtype} with shape {steps.shape}; ground truth is a grey PNG of 16 bit')

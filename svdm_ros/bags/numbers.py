@@ -1,0 +1,32 @@
+"""Numbers on a command line, refused with what is allowed. Imports nothing that takes time."""
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable
+
+
+def count(text: str) -> int:
+    """An integer from 1 up."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be an integer from 1 up')
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    return _number(text, lambda value: value > 0, 'a number above 0')
+
+
+def not_negative(text: str) -> float:
+    """A number from 0 up."""
+    return _number(text, lambda value: value >= 0, 'a number from 0 up')
+
+
+def _number(text: str, is_allowed: Callable[[float], bool], allowed: str) -> float:
+    with contextlib.suppress(ValueError):
+        value = float(text)
+        if math.isfinite(value) and is_allowed(value):
+            return value
+    raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be {allowed}')

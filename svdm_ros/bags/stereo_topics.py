@@ -1,0 +1,118 @@
+"""Which topics of a recording are the stereo pair, and where their camera_info and ground truth are."""
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from pathlib import PurePosixPath
+
+from .recording import RecordingError, Topic
+
+IMAGE = 'sensor_msgs/msg/Image'
+COMPRESSED = 'sensor_msgs/msg/CompressedImage'
+CAMERA_INFO = 'sensor_msgs/msg/CameraInfo'
+DISPARITY = 'stereo_msgs/msg/DisparityImage'
+
+_SIDES = (('left', 'right'), ('Left', 'Right'), ('infra1', 'infra2'), ('cam0', 'cam1'), ('image_00', 'image_01'))
+"""How drivers tell the left camera from the right in the name of a topic."""
+_GROUND_TRUTH = ('ground_truth', 'gt')
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class StereoTopics:
+    """Names of topics; None where the recording has none."""
+
+    left: str
+    right: str
+    left_info: str | None = None
+    right_info: str | None = None
+    ground_truth: str | None = None
+
+    @property
+    def infos(self) -> list[str]:
+        """The camera_info topics there are."""
+        return [name for name in (self.left_info, self.right_info) if name]
+
+
+def find_stereo_topics(topics: Mapping[str, Topic], left: str | None = None, right: str | None = None) -> StereoTopics:
+    """The pair named by `left` and `right`, or the only one there is.
+
+    Of several, rectified images come before others and plain ones before their compressed copies.
+    Raises RecordingError that lists what there is.
+    """
+    images = {name for name, topic in topics.items() if topic.message_type in (IMAGE, COMPRESSED) and topic.count}
+    if not images:
+        raise RecordingError(f'no images in it: {_listed(topics.values())}')
+    if left or right:
+        pair = _named(images, left, right)
+    else:
+        pair = _only_one(images, [topics[name] for name in sorted(images)])
+    infos = [_info(topics, name) for name in pair]
+    return StereoTopics(*pair, *infos, _ground_truth(topics))
+
+
+def _named(images: set[str], left: str | None, right: str | None) -> tuple[str, str]:
+    if not (left and right):
+        raise RecordingError('--left and --right belong together: name both topics')
+    if left == right:
+        raise RecordingError(f'--left and --right are both {left}: a pair needs two topics')
+    for name in (left, right):
+        if name not in images:
+            raise RecordingError(f'no images on {name}: there are images on {", ".join(sorted(images))}')
+    return left, right
+
+
+def _only_one(images: set[str], found: list[Topic]) -> tuple[str, str]:
+    pairs = [(name, partner) for name in sorted(images) for partner in _partners(name) if partner in images]
+    for preferred in (_is_rectified, _is_plain):
+        pairs = [pair for pair in pairs if preferred(pair[0])] or pairs
+    if len(pairs) == 1:
+        return pairs[0]
+    if pairs:
+        several = '; '.join(f'--left {left} --right {right}' for left, right in pairs)
+        raise RecordingError(f'{len(pairs)} stereo pairs in it, choose one: {several}')
+    lone = [(name, partner) for name in sorted(images) for partner in _partners(name)]
+    if lone:
+        raise RecordingError(f'only one side: images on {lone[0][0]} but none on {lone[0][1]}; '
+                             f'name the topics with --left and --right: {_listed(found)}')
+    raise RecordingError(f'no stereo pair found by name: name the topics with --left and --right: {_listed(found)}')
+
+
+def _partners(name: str) -> list[str]:
+    return [name.replace(left, right) for left, right in _SIDES if left in name]
+
+
+def _is_rectified(name: str) -> bool:
+    return 'rect' in _without_transport(name).rpartition('/')[2]
+
+
+def _is_plain(name: str) -> bool:
+    return _without_transport(name) == name
+
+
+def _without_transport(name: str) -> str:
+    """The topic that a compressed one is a copy of."""
+    return name.removesuffix('/compressed')
+
+
+def info_name(image: str) -> str:
+    """The camera_info topic that goes with an image topic."""
+    return str(PurePosixPath(_without_transport(image)).parent / 'camera_info')
+
+
+def _info(topics: Mapping[str, Topic], image: str) -> str | None:
+    name = info_name(image)
+    found = topics.get(name)
+    return name if found and found.message_type == CAMERA_INFO and found.count else None
+
+
+def _ground_truth(topics: Mapping[str, Topic]) -> str | None:
+    """The only disparity topic that calls itself ground truth."""
+    names = [name for name, topic in topics.items() if topic.message_type == DISPARITY and topic.count
+             and any(part in _GROUND_TRUTH for part in PurePosixPath(name).parts)]
+    return names[0] if len(names) == 1 else None
+
+
+def _listed(topics: Iterable[Topic]) -> str:
+    """Name, type and count of each."""
+    texts = [f'{topic.name} ({topic.message_type.rpartition("/")[2]}, {topic.count})' for topic in topics]
+    return f'it holds {", ".join(texts)}' if texts else 'it is empty'
