@@ -406,6 +406,17 @@ def test_a_full_disk_is_told_in_one_line(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ['calib.txt', 'left', 'right']
 
 
+def test_no_ros_is_needed(pairs):
+    code = f'''
+import sys
+from svdm_ros.bags import images_to_bag
+images_to_bag.main([{str(pairs / "left")!r}, {str(pairs / "right")!r}, "--calib", {str(pairs / "calib.txt")!r},
+                    {str(pairs / "bag")!r}])
+print(sorted(name for name in sys.modules if name.partition(".")[0] in ("rclpy", "sensor_msgs", "stereo_msgs")))'''
+    run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
+    assert run.stdout.splitlines()[-1] == '[]', run.stdout + run.stderr
+
+
 @pytest.mark.skipif('SVDM_DATA' not in os.environ, reason='SVDM_DATA names no folder with kitti_odometry_seq1')
 def test_the_real_sequence_becomes_a_bag(tmp_path):
     sequence = Path(os.environ['SVDM_DATA']) / 'kitti_odometry_seq1'

@@ -199,8 +199,9 @@ def test_installed_config_is_complete_and_the_node_executable(prefix):
 def test_the_installed_node_heeds_signals_before_it_imports_anything_that_takes_time(prefix):
     [scripts] = prefix.glob('lib/python*/site-packages/svdm_ros-*.egg-info/entry_points.txt')
     assert 'disparity_node = svdm_ros.__main__:main' in scripts.read_text().splitlines()
-    code = ('import sys, svdm_ros.__main__, svdm_ros.bags.play_bag, svdm_ros.bags.process_bag; '
-            'print({"rclpy", "numba", "numpy", "cv2"} & set(sys.modules))')
+    modules = ', '.join(f'svdm_ros.{name}' for name in (
+        '__main__', 'bags.play_bag', 'bags.images_to_bag', 'bags.process_bag'))
+    code = f'import sys, {modules}; print({{"rclpy", "numba", "numpy", "cv2", "rosbags"}} & set(sys.modules))'
     run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
     assert run.stdout == 'set()\n', run.stderr
 
