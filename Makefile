@@ -58,7 +58,7 @@ clean:  ## remove what make set up and what the tools left
 $(READY): requirements-dev.txt setup.py setup.cfg package.xml $(if $(UV_ON_PATH),,.tools/bin/uv)
 	@$(FIND_PYTHON); \
 	set -e; \
-	echo "make: setting up .venv with $$("$$python" --version) and the pinned packages: 600 MB, once, a minute or more"; \
+	echo "make: setting up .venv with $$("$$python" --version) and the pinned packages: 1 GB, once, a minute or more"; \
 	"$(UV)" venv --quiet --clear --python "$$python" .venv; \
 	"$(UV)" pip sync --quiet --require-hashes --python "$(PYTHON)" requirements-dev.txt; \
 	"$(UV)" pip install --quiet --no-deps --no-build-isolation --python "$(PYTHON)" --editable .; \

@@ -80,7 +80,7 @@ def test_the_command_writes_the_figures_and_overwrites_nothing(tmp_path, capsys)
     (['--size', '640'], "'640' is not a size"),
     (['--size', '0x480'], "'0x480' is not a size"),
     (['--threads', '0'], "'0' is not allowed: it must be an integer from 1 up"),
-    (['--disparities', '-4'], "'-4' is not allowed"),
+    (['--disparities', '-4'], "num_disparities = -4 is not allowed"),
 ])
 def test_wrong_arguments_are_named(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
