@@ -5,11 +5,13 @@ from .interrupts import end_quietly_if_command
 end_quietly_if_command()
 
 from .kernel_cache import kernel_cache
+from .memory_reuse import keep_freed_memory
 from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
 from .presets import load_preset, preset_names
 from .thread_waiting import wait_briefly
 
 wait_briefly()
+keep_freed_memory()
 with kernel_cache():
     from .matcher import DisparityResult, StereoMatcher
 

@@ -100,7 +100,7 @@ def aggregate_volume(
                       scratch, trees.pixel, np.float32(factor) / sums, np.float32(scale[4] * factor), stride, volume)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
     """The two passes over ones: the sum of all supports of each node."""
     for view in numba.prange(parent.shape[0]):
@@ -113,7 +113,7 @@ def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
             total[k] = s * total[parent[view, k]] + (np.float32(1) - s * s) * total[k]
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _aggregate_volume(
     parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
@@ -149,7 +149,7 @@ def _root_to_volume(
         store(volume_at, np.int64(pixel[k]) * stride + first, to_uint16(scaled))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Uint8) -> None:
     views, nodes = parent.shape
     inner[:] = 0
@@ -160,7 +160,7 @@ def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: F
             inner[view, parent[view, k]] = 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _aggregate(
     parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,

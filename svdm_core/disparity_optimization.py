@@ -96,7 +96,7 @@ def _best_slot(best: Int32, k: int) -> int:
     return winner
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _images(
     pixel: Int32, best: Int32, cost: Float32, index: Int32, beside: Float32, end: int, per_slot: int, winner: Int32,
     vertex: Float32,

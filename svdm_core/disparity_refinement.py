@@ -58,7 +58,7 @@ def refine(
     return disparity if parameters.final_median == 1 else np.asarray(cv2.medianBlur(disparity, parameters.final_median))
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _left_right_check(left: Int32, right: Int32, min_disparity: int, tau_lr: float) -> Bool:
     height, width = left.shape
     valid = np.empty((height, width), np.bool_)
@@ -69,7 +69,7 @@ def _left_right_check(left: Int32, right: Int32, min_disparity: int, tau_lr: flo
     return valid
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _fill(disparity: Int32, valid: Bool) -> None:
     height, width = disparity.shape
     for y in numba.prange(height):

@@ -98,7 +98,7 @@ def _summed(parameters: MatcherParameters) -> int:
     return 9 if parameters.aggregation == 'box' else 1
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _smooth(
     own: Float32, own_census: UInt64, partner: Int32, values: Int16, census: UInt64, planes: int, size: int,
     scale: CostScale, terms: tuple[bool, bool], first: int, disparities: int, factor: np.float32, volume: Uint16,

@@ -43,7 +43,7 @@ def separable_median(
     return medians, certain
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _medians(
     labels: Int32, lowest: int, bins: int, near: Float32, alike: Float32, error: np.float32, medians: Int32,
     certain: Bool,

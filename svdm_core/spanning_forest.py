@@ -169,7 +169,7 @@ def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, w
         weight[k] = weights[pixel[k] + edge[back[k]]]
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _spanning_trees(
     planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:

@@ -67,7 +67,7 @@ def weighted_median_of_disparity(
     return np.where(certain, medians, left_over)
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _surrounded(planes: NDArray[Any], factor: Any, margin: int, outside: Any) -> NDArray[Any]:
     """planes (C, H, W) times factor, with margins of `outside`: on the right one more vector, which kernels load."""
     channels, height, width = planes.shape
@@ -139,7 +139,7 @@ def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equ
         equal[i] += np.int32(other == label) * weight
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scale: np.float32, settled: Bool) -> None:
     """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
 
@@ -167,7 +167,7 @@ def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scal
             settled[y, x] = -equal[x] < balance[x] <= equal[x]
 
 
-@numba.njit(cache=True, parallel=True)
+@numba.njit(cache=True, parallel=True, nogil=True)
 def _search(
     labels: Int32, guide: Float32, pixels: NDArray[np.int64], exponents: Float32, window: int, scale: np.float32,
     result: Int32,

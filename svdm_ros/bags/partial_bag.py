@@ -22,7 +22,7 @@ from rosbags.typesys.store import Typestore
 
 from .mcap_storage import BagWriter
 
-SEGMENT_BYTES = 8 * 2**20
+SEGMENT_BYTES = 32 * 2**20
 """What a kill can cost: a small file is closed as soon as it holds this much."""
 VOLUME_BYTES = 2**30
 """Size of a file of the finished bag; one file as long as it is not more."""
