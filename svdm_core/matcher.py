@@ -12,15 +12,16 @@ import cv2
 import numba
 import numpy as np
 
-from .arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
-from .cost_aggregation import ForestNodes, aggregate, aggregate_volume
-from .disparity_optimization import Winners
-from .disparity_refinement import left_right_check, refine
-from .matching_cost import BLOCK, MatchingPlanes
+from .cost_aggregation.spanning_forest import SpanningTrees
+from .cost_aggregation.tree import ForestNodes, aggregate, aggregate_volume
+from .disparity_optimization.penalties import fill_penalties, penalties_shape
+from .disparity_optimization.semiglobal import cost_factor, padded, scaled_penalties, scratch_size, semiglobal_winners
+from .disparity_optimization.winners import Winners
+from .disparity_refinement.left_right import left_right_check
+from .disparity_refinement.refinement import refine
+from .kernels.arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
+from .matching_cost.planes import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
-from .semiglobal_optimization import cost_factor, padded, scaled_penalties, scratch_size, semiglobal_winners
-from .smoothness_penalties import fill_penalties, penalties_shape
-from .spanning_forest import SpanningTrees
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()

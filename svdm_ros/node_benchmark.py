@@ -20,8 +20,8 @@ def main(arguments: list[str] | None = None) -> int:
     """
     signals = EndSignals(INTERRUPTED)
     options = _parse(arguments)
-    from svdm_core.benchmark_limits import check_memory
-    from svdm_core.output_files import check_outputs, write_outputs
+    from svdm_core.benchmark.limits import check_memory
+    from svdm_core.files.output_files import check_outputs, write_outputs
     from svdm_core.presets import load_preset
 
     from .demo.processes import DemoError

@@ -3,7 +3,7 @@ import cv2
 import numpy as np
 from scenes import shifted_wall
 
-from svdm_core import cli
+from svdm_core.commands import cli
 
 SHIFT = 6
 SIZE = (40, 90)

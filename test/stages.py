@@ -1,11 +1,11 @@
 """Stages 1 to 3 opened up, so that tests see the costs that are never stored as a whole."""
 import numpy as np
 
-from svdm_core import cost_aggregation
-from svdm_core.cost_aggregation import ForestNodes
-from svdm_core.disparity_optimization import Winners
-from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes, cost_scale, cost_terms
-from svdm_core.spanning_forest import SpanningTrees
+from svdm_core.cost_aggregation import tree
+from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
+from svdm_core.cost_aggregation.tree import ForestNodes
+from svdm_core.disparity_optimization.winners import Winners
+from svdm_core.matching_cost.planes import BLOCK, INTENSITY, MatchingPlanes, cost_scale, cost_terms
 
 
 class Stages:
@@ -38,14 +38,14 @@ class Stages:
             nodes = [part[view] for part in (self.trees.parent, self.nodes.similarity, self.nodes.inner)]
             for first in range(0, disparities, BLOCK):
                 rows = np.ones(self.nodes_count * BLOCK, np.float32)  # what was there before must not matter
-                cost_aggregation._leaf_to_root(
+                tree._leaf_to_root(
                     *nodes, self.nodes.partner[view], self.nodes.own[view], self.nodes.own_census[view],
                     planes[1 - view], self.planes.census.reshape(2, -1)[1 - view], self.planes.values[0, 0].size,
                     cost_scale(self.parameters), cost_terms(self.parameters), self.parameters.min_disparity + first,
                     rows)
                 behind = np.zeros(BLOCK, np.float32)
                 scrap = Winners.empty(1, self.nodes_count)
-                cost_aggregation._root_to_leaf(*nodes[:2], first, 0, behind, view == 0, rows,
+                tree._root_to_leaf(*nodes[:2], first, 0, behind, view == 0, rows,
                                                scrap.best[view, 0], scrap.index[view, 0], scrap.beside[0])
                 volume[view, self.trees.pixel[view], first:first + BLOCK] = rows.reshape(-1, BLOCK)
         return volume.reshape(2, height, width, -1)[..., :disparities] / np.float32(INTENSITY)
@@ -54,5 +54,5 @@ class Stages:
         """Stage 3 as the matcher runs it: winner int32 (2, H, W), the right view mirrored, and vertex (H, W)."""
         scratch = np.zeros((2, self.slots, self.nodes_count * BLOCK), np.float32)
         winners = winners or Winners.empty(self.slots, self.nodes_count)
-        cost_aggregation.aggregate(self.trees, self.nodes, self.planes, self.parameters, scratch, winners)
+        tree.aggregate(self.trees, self.nodes, self.planes, self.parameters, scratch, winners)
         return winners.images(self.trees.pixel, self.shape, self.parameters.num_disparities, self.per_slot)

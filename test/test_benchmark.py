@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scenes import noise, shifted_wall
 
-from svdm_core import cli, preset_names
-from svdm_core.benchmark import BenchmarkPair, contender_names, growth, ratios, run_benchmark
+from svdm_core import preset_names
+from svdm_core.benchmark.runs import BenchmarkPair, contender_names, growth, ratios, run_benchmark
+from svdm_core.commands import cli
 from svdm_core.evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 
 

@@ -4,14 +4,14 @@ import sys
 
 import pytest
 
-from svdm_core import cli
+from svdm_core.commands import cli
 
 # An import of these fails, as where the extra `cli` is not installed.
 WITHOUT_EXTRAS = '''
 import sys
 for name in ("rich", "matplotlib", "jinja2", "skimage"):
     sys.modules[name] = None
-from svdm_core import cli
+from svdm_core.commands import cli
 '''
 
 

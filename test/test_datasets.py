@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 from scenes import noise
 
-from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene, read_pfm
+from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene
+from svdm_core.files.pfm import read_pfm
 
 
 def write_pfm(path, values, scale=-1.0, kind='Pf'):

@@ -7,7 +7,7 @@ from scenes import noise
 from stages import Stages
 
 from svdm_core import MatcherParameters
-from svdm_core.disparity_optimization import Winners
+from svdm_core.disparity_optimization.winners import Winners
 
 
 def scene(height, width, step, seed):

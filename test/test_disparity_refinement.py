@@ -6,7 +6,9 @@ from hypothesis import strategies as st
 from scenes import noise
 
 from svdm_core import MatcherParameters
-from svdm_core.disparity_refinement import fill_along_scanlines, left_right_check, refine
+from svdm_core.disparity_refinement.filling import fill_along_scanlines
+from svdm_core.disparity_refinement.left_right import left_right_check
+from svdm_core.disparity_refinement.refinement import refine
 
 SHAPES = st.tuples(st.integers(1, 6), st.integers(1, 12))
 

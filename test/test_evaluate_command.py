@@ -20,7 +20,8 @@ from scene_files import (
     write_pfm,
 )
 
-from svdm_core import cli, load_preset
+from svdm_core import load_preset
+from svdm_core.commands import cli
 from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS
 from svdm_core.evaluation.metrics import METRICS, weighted_average
 from svdm_core.evaluation.paper import PAPER_AVGERR, PAPER_WEIGHTED

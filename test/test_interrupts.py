@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-BENCHMARK = ('-m', 'svdm_core.cli', 'benchmark', '--size', '160x120', '--disparities', '16', '--rounds', '100000')
+BENCHMARK = ('-m', 'svdm_core', 'benchmark', '--size', '160x120', '--disparities', '16', '--rounds', '100000')
 NODE_BENCHMARK = ('-m', 'svdm_ros.node_benchmark', '--seconds', '1000')
 
 

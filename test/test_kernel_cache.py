@@ -12,14 +12,21 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 import svdm_core
+from svdm_core.kernels import cache
 
 CORE = Path(svdm_core.__file__).resolve().parent
 KERNEL_FOLDER = 'svdm_kernels_'
 SMALL_PACKAGE = {
-    '__init__.py': 'from .kernel_cache import kernel_cache\nwith kernel_cache():\n    from .kernels import scaled\n',
-    'constants.py': 'FACTOR = 3\n',
-    'kernels.py': '''import numba
-from .constants import FACTOR
+    '__init__.py': '''from .kernels.cache import kernel_cache
+with kernel_cache():
+    from .matching_cost.scaling import scaled
+''',
+    'kernels/__init__.py': '',
+    'kernels/deeper/constants.py': 'FACTOR = 3\n',
+    'commands/texts.py': 'TITLE = "small"\n',
+    'matching_cost/__init__.py': '',
+    'matching_cost/scaling.py': '''import numba
+from ..kernels.deeper.constants import FACTOR
 
 
 @numba.njit(cache=True)
@@ -30,14 +37,15 @@ def scaled(x):
 
 
 class Installation:
-    """A folder with a package that uses `kernel_cache.py`, and the environment it is imported in."""
+    """A folder with a package that uses `kernels/cache.py`, and the environment it is imported in."""
 
     def __init__(self, folder):
         self.folder, self.package = folder, folder / 'small'
         self.package.mkdir()
         for name, text in SMALL_PACKAGE.items():
+            (self.package / name).parent.mkdir(parents=True, exist_ok=True)
             (self.package / name).write_text(text)
-        shutil.copy2(CORE / 'kernel_cache.py', self.package)
+        shutil.copy2(CORE / 'kernels/cache.py', self.package / 'kernels')
         self.home, self.temporary = folder / 'home', folder / 'tmp'
         self.home.mkdir()
         self.temporary.mkdir()
@@ -69,13 +77,16 @@ def installation(tmp_path):
     return Installation(tmp_path)
 
 
-def test_kernels_are_compiled_anew_when_another_module_changes_and_only_then(installation):
+def test_kernels_are_compiled_anew_when_another_module_of_theirs_changes_and_only_then(installation):
     assert installation.run() == ('6', '')
     first = installation.compiled()
     assert len(first) == 1
     assert installation.run() == ('6', '')
     assert installation.compiled() == first
-    (installation.package / 'constants.py').write_text('FACTOR = 50\n')
+    (installation.package / 'commands' / 'texts.py').write_text('TITLE = "other"\n')
+    assert installation.run() == ('6', '')
+    assert installation.compiled() == first
+    (installation.package / 'kernels' / 'deeper' / 'constants.py').write_text('FACTOR = 50\n')
     assert installation.run() == ('100', '')
     assert installation.compiled().items() > first.items()
 
@@ -94,7 +105,7 @@ def test_svdm_core_itself_is_imported_where_nothing_can_be_written(installation)
     shutil.copytree(CORE, installation.folder / 'svdm_core', ignore=shutil.ignore_patterns('__pycache__'))
     installation.package = installation.folder / 'svdm_core'
     installation.make_unwritable()
-    code = 'import svdm_core.matching_cost as module; print(module.__file__)'
+    code = 'import svdm_core.matching_cost.planes as module; print(module.__file__)'
     place, told = installation.run(code)
     assert Path(place).is_relative_to(installation.folder)
     assert len(told.splitlines()) == 1
@@ -138,8 +149,11 @@ def test_numba_is_left_as_it_was(installation):
 
 
 def test_every_kernel_is_in_a_folder_of_the_sources():
-    modules = [importlib.import_module(f'svdm_core.{module.name}') for module in pkgutil.iter_modules([CORE])]
+    modules = [importlib.import_module(module.name) for module in pkgutil.walk_packages([CORE], 'svdm_core.')
+               if not module.name.endswith('__main__')]
     kernels = [kernel for module in modules for kernel in vars(module).values() if isinstance(kernel, Dispatcher)]
     assert len(kernels) > 10
     outside = {kernel.__name__ for kernel in kernels if KERNEL_FOLDER not in kernel.stats.cache_path}
     assert outside == set()
+    places = {Path(kernel.py_func.__code__.co_filename).relative_to(CORE).parts[0] for kernel in kernels}
+    assert places <= set(cache._KERNEL_FOLDERS)

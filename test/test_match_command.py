@@ -4,9 +4,10 @@ import pytest
 from scene_files import files_of
 from scenes import noise, shifted_wall
 
-from svdm_core import StereoMatcher, cli, load_preset, preset_names
-from svdm_core.disparity_files import encode_disparity
-from svdm_core.evaluation.datasets import read_pfm
+from svdm_core import StereoMatcher, load_preset, preset_names
+from svdm_core.commands import cli
+from svdm_core.files.disparity_files import encode_disparity
+from svdm_core.files.pfm import read_pfm
 from svdm_core.presets import preset_folder
 
 SHIFT = 7
@@ -156,7 +157,7 @@ def test_a_full_disk_leaves_nothing_behind(pair, tmp_path, monkeypatch, capsys):
     def full(*_args, **_kwargs):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('svdm_core.output_files.os.fchmod', full)
+    monkeypatch.setattr('svdm_core.files.output_files.os.fchmod', full)
     assert match(pair, '-o', tmp_path / 'a.pfm', '--force') == 2
     assert 'a.pfm: cannot be written: No space left on device' in capsys.readouterr().err
     assert files_of(tmp_path) == before

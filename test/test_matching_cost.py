@@ -6,7 +6,7 @@ from scenes import noise
 from stages import Stages
 
 from svdm_core import MatcherParameters
-from svdm_core.matching_cost import INTENSITY, MatchingPlanes, intensities
+from svdm_core.matching_cost.planes import INTENSITY, MatchingPlanes, intensities
 
 SIZES = [(1, 1), (1, 9), (7, 1), (6, 11)]
 

@@ -5,10 +5,9 @@ from scenes import noise
 from stages import Stages
 
 from svdm_core import MatcherParameters, StereoMatcher
-from svdm_core.arrays import aligned_zeros
-from svdm_core.cost_aggregation import ForestNodes, aggregate_volume
-from svdm_core.matching_cost import BLOCK, INTENSITY, MatchingPlanes
-from svdm_core.semiglobal_optimization import (
+from svdm_core.cost_aggregation.tree import ForestNodes, aggregate_volume
+from svdm_core.disparity_optimization.penalties import FROM_ABOVE, FROM_LEFT, fill_penalties, penalties_shape
+from svdm_core.disparity_optimization.semiglobal import (
     LARGEST,
     cost_factor,
     padded,
@@ -16,7 +15,8 @@ from svdm_core.semiglobal_optimization import (
     scratch_size,
     semiglobal_winners,
 )
-from svdm_core.smoothness_penalties import FROM_ABOVE, FROM_LEFT, fill_penalties, penalties_shape
+from svdm_core.kernels.arrays import aligned_zeros
+from svdm_core.matching_cost.planes import BLOCK, INTENSITY, MatchingPlanes
 
 STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))  # from the left, the right, above and below
 

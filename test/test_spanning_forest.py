@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import noise
 
-from svdm_core.spanning_forest import SpanningTrees
+from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
 
 
 def minimum_spanning_trees(left, right):

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from svdm_core.separable_median import separable_median
-from svdm_core.weighted_median import weighted_median, weighted_median_of_disparity
+from svdm_core.disparity_refinement.separable_median import separable_median
+from svdm_core.disparity_refinement.weighted_median import weighted_median, weighted_median_of_disparity
 
 
 def scene(height, width, channels, labels, seed):

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-from .. import benchmark
-from ..benchmark_limits import check_limits
-from ..evaluation.datasets import read_image
-from ..output_files import check_outputs, write_outputs
+from ..benchmark import runs
+from ..benchmark.limits import check_limits
+from ..files.images import read_image
+from ..files.output_files import check_outputs, write_outputs
 from ..parameters import parameter_info
 from ..presets import preset_names
 from .options import count, disparities, size
@@ -55,48 +55,48 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure, print, and write what was asked for; 0."""
-    from .. import benchmark_report  # needs rich, which the help must do without
+    from ..benchmark import report  # needs rich, which the help must do without
 
     _check(options)
-    threads = benchmark.usable_threads(options.threads)
+    threads = runs.usable_threads(options.threads)
     if threads < options.threads:
         print(f'svdm benchmark: --threads {options.threads} is more than there are processors: {threads} taken',
               file=sys.stderr)
     whole = _read_pair(*options.pair) if options.pair else _motorcycle()
     whole = whole if options.colour else whole.grey()
-    names = benchmark.contender_names(preset_names())
-    with benchmark_report.progress(options.rounds) as advance:
-        figures = benchmark.run_benchmark(whole.scaled(*options.size), names, options.disparities, threads,
-                                          options.rounds, advance)
+    names = runs.contender_names(preset_names())
+    with report.progress(options.rounds) as advance:
+        figures = runs.run_benchmark(whole.scaled(*options.size), names, options.disparities, threads,
+                                     options.rounds, advance)
     document: dict[str, Any] = {
         'size': list(options.size), 'disparities': options.disparities, 'threads': threads, 'rounds': options.rounds,
-        'colour': options.colour, 'contenders': figures, 'ratios': benchmark.ratios(figures),
+        'colour': options.colour, 'contenders': figures, 'ratios': runs.ratios(figures),
     }
-    benchmark_report.print_table(document)
-    if busy := benchmark.busy_line(figures):
+    report.print_table(document)
+    if busy := runs.busy_line(figures):
         print(f'svdm benchmark: {busy}', file=sys.stderr)
     if options.scaling:
         document['scaling'] = _scaling(whole, threads)
-        benchmark_report.print_scaling(document['scaling'])
+        report.print_scaling(document['scaling'])
     contents: dict[Path, bytes] = {}
     if options.json is not None:
         contents[options.json] = (json.dumps(document, indent=1) + '\n').encode()
     if options.png is not None:
-        contents[options.png] = benchmark_report.draw(document, options.png.suffix)
+        contents[options.png] = report.draw(document, options.png.suffix)
     write_outputs(contents, options.force)
     return 0
 
 
 def _check(options: argparse.Namespace) -> None:
     """Refuse before the run what would fail in it or after it."""
-    from .. import benchmark_report
+    from ..benchmark import report
 
     check_outputs([path for path in (options.json, options.png) if path is not None], options.force)
     if options.png is not None:
         if options.pair:
             raise ValueError('--png needs a pair with ground truth: leave out --pair')
         try:
-            benchmark_report.check_picture(options.png.suffix)
+            report.check_picture(options.png.suffix)
         except ValueError as error:
             raise ValueError(f'{options.png}: {error}') from None
     cases = [(options.size, options.disparities), *(itertools.chain(*SCALING_CASES) if options.scaling else ())]
@@ -104,20 +104,20 @@ def _check(options: argparse.Namespace) -> None:
         check_limits(width, height, num_disparities)
 
 
-def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
+def _scaling(whole: runs.BenchmarkPair, threads: int) -> dict[str, Any]:
     """Median ms of each preset over image sizes (64 disparities) and over disparities (640x480), with exponents.
 
     The sizes are cut from the 640x480 images or tiled with them: scaled images would have other disparities.
     """
-    from .. import benchmark_report
+    from ..benchmark import report
 
     vga = whole.scaled(640, 480)
-    names = [name for name in benchmark.contender_names(preset_names()) if name.startswith('svdm-')]
+    names = [name for name in runs.contender_names(preset_names()) if name.startswith('svdm-')]
     rounds = SCALING_ROUNDS * sum(map(len, SCALING_CASES))
-    with benchmark_report.progress(rounds, 'sweeping sizes and disparities') as advance:
+    with report.progress(rounds, 'sweeping sizes and disparities') as advance:
         by_size, by_disparities = (
-            [benchmark.run_benchmark(vga.tiled(*image_size), names, num_disparities, threads, SCALING_ROUNDS, advance,
-                                     memory=False)
+            [runs.run_benchmark(vga.tiled(*image_size), names, num_disparities, threads, SCALING_ROUNDS, advance,
+                                memory=False)
              for image_size, num_disparities in cases]
             for cases in SCALING_CASES
         )
@@ -129,23 +129,23 @@ def _scaling(whole: benchmark.BenchmarkPair, threads: int) -> dict[str, Any]:
         result[name] = {
             'size_ms': {f'{w}x{h}': ms for (w, h), ms in zip(SCALING_SIZES, over_size, strict=True)},
             'disparities_ms': {str(d): ms for d, ms in zip(SCALING_DISPARITIES, over_disparities, strict=True)},
-            'pixel_exponent': benchmark.growth(pixels, over_size),
-            'disparity_exponent': benchmark.growth(SCALING_DISPARITIES, over_disparities),
+            'pixel_exponent': runs.growth(pixels, over_size),
+            'disparity_exponent': runs.growth(SCALING_DISPARITIES, over_disparities),
         }
     return result
 
 
-def _read_pair(left: Path, right: Path) -> benchmark.BenchmarkPair:
+def _read_pair(left: Path, right: Path) -> runs.BenchmarkPair:
     images = [read_image(path) for path in (left, right)]
     if images[0].shape != images[1].shape:
         raise ValueError(f'{left} and {right} have different sizes: {images[0].shape[:2]} and {images[1].shape[:2]}')
-    return benchmark.BenchmarkPair(images[0], images[1])
+    return runs.BenchmarkPair(images[0], images[1])
 
 
-def _motorcycle() -> benchmark.BenchmarkPair:
+def _motorcycle() -> runs.BenchmarkPair:
     try:
         from skimage.data import stereo_motorcycle
     except ImportError:
         raise ImportError('scikit-image is not installed, which carries the pair: give one with --pair') from None
     left, right, truth = cast(Callable[[], tuple[Any, Any, Any]], stereo_motorcycle)()
-    return benchmark.BenchmarkPair(left[..., ::-1].copy(), right[..., ::-1].copy(), truth)
+    return runs.BenchmarkPair(left[..., ::-1].copy(), right[..., ::-1].copy(), truth)

@@ -21,7 +21,7 @@ from ..evaluation.scene_evaluation import (
     summary,
 )
 from ..evaluation.scene_sets import RESOLUTIONS, SceneSet, find_scenes
-from ..output_files import check_outputs, write_outputs
+from ..files.output_files import check_outputs, write_outputs
 from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:

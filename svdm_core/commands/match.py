@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..colour_maps import DISPARITY_COLOURS, colour_map, shown_range
-from ..disparity_files import check_suffix, encode_disparity, encode_png
-from ..evaluation.datasets import read_image
+from ..files.colour_maps import DISPARITY_COLOURS, colour_map, shown_range
+from ..files.disparity_files import check_suffix, encode_disparity, encode_png
+from ..files.images import read_image
+from ..files.output_files import check_outputs, write_outputs
 from ..matcher import StereoMatcher
-from ..output_files import check_outputs, write_outputs
 from .options import add_parameter_options, add_threads_option, parameters_of
 
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR

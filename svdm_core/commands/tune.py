@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
-from ..output_files import check_outputs, write_outputs
+from ..files.output_files import check_outputs, write_outputs
 from ..presets import preset_text
 from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
 from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range

@@ -2,14 +2,15 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ..arrays import Bool, Float32, Image
+from ..files.images import read_image
+from ..files.pfm import read_pfm
+from ..kernels.arrays import Bool, Float32, Image
 
 # Middlebury v3 counts the scenes with the harder light or structure half.
 MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)
@@ -78,33 +79,3 @@ def read_middlebury_scene(folder: Path) -> StereoScene:
     if not truths:
         raise FileNotFoundError(f'{folder}: no {" nor ".join(_TRUTH_NAMES)} in it')
     return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, int(ndisp[1]))
-
-
-def read_pfm(path: Path) -> Float32:
-    """A one-channel PFM as float32 (H, W), top row first. ValueError where it is none, or truncated."""
-    with path.open('rb') as file:
-        kind, size, scale = (file.readline(100).strip() for _ in range(3))
-        data = file.read()
-    try:
-        width, height = map(int, size.split())
-        order = '<' if float(scale) < 0 else '>'
-    except ValueError:
-        raise ValueError(f'{path}: not a PFM file') from None
-    if kind != b'Pf':
-        raise ValueError(f'{path}: a PFM of kind {kind.decode(errors="replace")!r}; one channel, Pf, is expected')
-    if min(width, height) < 1 or not math.isfinite(float(scale)) or not float(scale):
-        raise ValueError(f'{path}: a PFM of {width} x {height} pixels with scale {scale.decode(errors="replace")}')
-    if len(data) != 4 * width * height:
-        raise ValueError(f'{path}: {len(data)} bytes of data where {width} x {height} pixels take {4 * width * height}')
-    return np.frombuffer(data, f'{order}f4').reshape(height, width)[::-1].astype(np.float32)
-
-
-def read_image(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    """An image as OpenCV's `flags` want it. ValueError where there is none, or only the beginning of a PNG."""
-    data = path.read_bytes() if path.is_file() else b''
-    if data.startswith(b'\x89PNG') and b'IEND' not in data[-12:]:  # OpenCV adds lines of its own to stderr
-        raise ValueError(f'{path}: a truncated PNG of {len(data)} bytes')
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    if image is None:
-        raise ValueError(f'{path}: missing, or not an image')
-    return image

@@ -7,9 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..arrays import Float32, Image
-from ..disparity_files import KITTI_SCALE
-from .datasets import StereoScene, read_image
+from ..files.disparity_files import KITTI_SCALE
+from ..files.images import read_image
+from ..kernels.arrays import Float32, Image
+from .datasets import StereoScene
 
 # The files say nothing of the range; their 16-bit PNG ends below this.
 KITTI_NUM_DISPARITIES = 256

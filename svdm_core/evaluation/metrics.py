@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bool
+from ..kernels.arrays import Bool
 
 BAD_THRESHOLDS = (0.5, 1.0, 2.0, 3.0, 4.0)  # 3 is KITTI's, the others Middlebury's
 QUANTILES = (50, 90, 95, 99)

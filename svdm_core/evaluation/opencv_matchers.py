@@ -4,8 +4,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..arrays import Bool, Float32, Image
-from ..disparity_refinement import fill_along_scanlines
+from ..disparity_refinement.filling import fill_along_scanlines
+from ..kernels.arrays import Bool, Float32, Image
 
 OPENCV_METHODS = ('bm', 'sgbm-3way', 'sgbm-hh4', 'sgbm-hh')
 

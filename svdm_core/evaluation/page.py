@@ -11,8 +11,8 @@ import cv2
 import jinja2
 import numpy as np
 
-from ..arrays import Image
-from ..colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
+from ..files.colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
+from ..kernels.arrays import Image
 from .datasets import StereoScene
 from .metric_names import OF_THE_MAP, REGION_TITLES, larger_is_better, unit, written
 from .metrics import weighted_average

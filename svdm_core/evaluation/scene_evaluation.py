@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..arrays import Bool, Float32
+from ..kernels.arrays import Bool, Float32
 from ..matcher import StereoMatcher
 from ..parameters import MatcherParameters
 from .datasets import StereoScene

@@ -4,7 +4,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Bool, Image
+from ..kernels.arrays import Bool, Image
 
 DISPARITY_STEP = 1.0
 """px; a larger change from one row to the next ends a layer."""

@@ -8,10 +8,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..arrays import Float32
 from ..evaluation.datasets import MIDDLEBURY_WEIGHTS, StereoScene
 from ..evaluation.metrics import error_metrics, weighted_average
 from ..evaluation.streaks import streak_share
+from ..kernels.arrays import Float32
 from ..parameters import MatcherParameters
 from .ranges import ParameterRange, Value, once_each
 from .stage_reuse import StageReuse

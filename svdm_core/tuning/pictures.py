@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..arrays import Float32, Image, Uint8
 from ..evaluation.paper import PaperStudyTable
 from ..evaluation.streaks import streak_mask
+from ..kernels.arrays import Float32, Image, Uint8
 from .optimization import Evaluation, Step
 
 MAP_WIDTH = 360  # px

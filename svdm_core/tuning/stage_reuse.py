@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Bool, Float32, Image, Int32
-from ..disparity_refinement import left_right_check, refine
+from ..disparity_refinement.left_right import left_right_check
+from ..disparity_refinement.refinement import refine
+from ..kernels.arrays import Bool, Float32, Image, Int32
 from ..matcher import StereoMatcher
 from ..parameters import MatcherParameters, parameter_table
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from svdm_core.arrays import Float32
-from svdm_core.evaluation.datasets import read_pfm
 from svdm_core.evaluation.kitti import read_kitti_truth
+from svdm_core.files.pfm import read_pfm
+from svdm_core.kernels.arrays import Float32
 
 from .calibration import Size
 from .image_files import FilePair

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from svdm_core.evaluation.datasets import read_image
+from svdm_core.files.images import read_image
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm')
 TIMES_FILES = ('times.txt', 'timestamps.txt')

@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from svdm_core.arrays import Uint8
-from svdm_core.colour_maps import DISPARITY_COLOURS, colour_map
+from svdm_core.files.colour_maps import DISPARITY_COLOURS, colour_map
+from svdm_core.kernels.arrays import Uint8
 
 from .frames import stamp_ns
 from .outputs import DISPARITY_TOPIC, pixels_of

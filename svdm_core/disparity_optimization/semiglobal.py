@@ -13,12 +13,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .arrays import Float32, Int16, Int32, Uint16, UInt64
-from .cost_aggregation import ForestNodes
-from .matching_cost import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
-from .parameters import MatcherParameters
-from .smoothness_penalties import FROM_ABOVE, FROM_LEFT
-from .vectors import (
+from ..cost_aggregation.tree import ForestNodes
+from ..kernels.arrays import Float32, Int16, Int32, Uint16, UInt64
+from ..kernels.vectors import (
     count_ones,
     first_equal,
     half_splat,
@@ -33,6 +30,9 @@ from .vectors import (
     to_uint16,
     upper_neighbours,
 )
+from ..matching_cost.planes import BLOCK, INTENSITY, CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector
+from ..parameters import MatcherParameters
+from .penalties import FROM_ABOVE, FROM_LEFT
 
 # Disparities in one vector.
 LANES = 32

@@ -11,7 +11,7 @@ import dataclasses
 import numba
 import numpy as np
 
-from .arrays import Int32, Uint8
+from ..kernels.arrays import Int32, Uint8
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 

@@ -7,7 +7,7 @@ import sys
 
 import cv2
 
-from .interrupts import INTERRUPTED
+from ..runtime.interrupts import INTERRUPTED
 
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
@@ -50,11 +50,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     for name, meaning in COMMANDS.items():
         command = commands.add_parser(name, help=meaning, description=meaning)
         if name in arguments[:1]:
-            module = importlib.import_module(f'.commands.{name}', __package__)
+            module = importlib.import_module(f'.{name}', __package__)
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     return parser
-
-
-if __name__ == '__main__':
-    sys.exit(main())

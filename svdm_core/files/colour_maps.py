@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Uint8
+from ..kernels.arrays import Uint8
 
 DISPARITY_COLOURS = cv2.COLORMAP_TURBO
 ERROR_COLOURS = cv2.COLORMAP_INFERNO

@@ -23,8 +23,8 @@ def end_quietly_if_command() -> None:
 def _is_command() -> bool:
     """Asked while the package is imported: `python -m` has not set the name of the script by then."""
     name = sys.argv[0] if sys.argv else ''
-    as_module = name == '-m' and 'svdm_core.cli' in sys.orig_argv
-    return as_module or os.path.basename(name) == 'svdm' or name.endswith(os.path.join('svdm_core', 'cli.py'))
+    as_module = name == '-m' and 'svdm_core' in sys.orig_argv
+    return as_module or os.path.basename(name) == 'svdm' or name.endswith(os.path.join('svdm_core', '__main__.py'))
 
 
 def _on_interrupt(_number: int, frame: FrameType | None) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .arrays import Float32, Image, Uint16
+from ..kernels.arrays import Float32, Image, Uint16
+from .pfm import encode_pfm
 
 SUFFIXES = ('.pfm', '.png', '.npy')
 KITTI_SCALE = 256  # steps of a pixel in a 16-bit PNG
@@ -28,8 +29,7 @@ def encode_disparity(disparity: Float32, path: Path) -> bytes:
     check_suffix(path)
     suffix = path.suffix.lower()
     if suffix == '.pfm':
-        height, width = disparity.shape
-        return f'Pf\n{width} {height}\n-1.0\n'.encode() + disparity[::-1].astype('<f4').tobytes()
+        return encode_pfm(disparity)
     if suffix == '.npy':
         file = io.BytesIO()
         np.save(file, disparity, allow_pickle=False)

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from .evaluation.opencv_matchers import OPENCV_METHODS
+from ..evaluation.opencv_matchers import OPENCV_METHODS
 
 _WIDTH = 130  # characters, where the output is no terminal
 

@@ -6,8 +6,8 @@ import dataclasses
 import numba
 import numpy as np
 
-from .arrays import Float32, Int32
-from .vectors import smallest
+from ..kernels.arrays import Float32, Int32
+from ..kernels.vectors import smallest
 
 # Rows of `Winners.beside`: the costs one disparity below and above the winner, and at the ends of the slot's range.
 _BELOW, _ABOVE, _FIRST, _LAST = range(4)

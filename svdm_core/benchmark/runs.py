@@ -14,13 +14,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from .arrays import Float32, Image
-from .benchmark_limits import check_limits, smallest_width
-from .evaluation.metrics import error_metrics
-from .evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
-from .matcher import StereoMatcher
-from .presets import load_preset
-from .processors import processor_count, waited_seconds
+from ..evaluation.metrics import error_metrics
+from ..evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
+from ..kernels.arrays import Float32, Image
+from ..matcher import StereoMatcher
+from ..presets import load_preset
+from ..runtime.processors import processor_count, waited_seconds
+from .limits import check_limits, smallest_width
 
 ACCURACY = ('avgerr', 'bad1', 'bad2', 'bad4')
 _OWN = 'svdm-'

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from .arrays import Bool, Float32, Int32
-from .vectors import lane_sum, load, pointer, splat, store
+from ..kernels.arrays import Bool, Float32, Int32
+from ..kernels.vectors import lane_sum, load, pointer, splat, store
 
 # float32 in a vector: labels are counted in whole vectors.
 _LANES = 16

@@ -11,7 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Bool, Float32, Int32
+from ..kernels.arrays import Bool, Float32, Int32
 from .separable_median import separable_median
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.

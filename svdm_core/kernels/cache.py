@@ -19,7 +19,9 @@ from typing import Any
 import numba
 
 _SETTINGS: Any = numba.config  # comes without types
-_PACKAGE = Path(__file__).resolve().parent
+_PACKAGE = Path(__file__).resolve().parents[1]
+_KERNEL_FOLDERS = ('kernels', 'matching_cost', 'cost_aggregation', 'disparity_optimization', 'disparity_refinement')
+"""All that a kernel can be compiled from. Modules outside must neither hold kernels nor constants of kernels."""
 _PREFIX = 'svdm_kernels_'
 _KEPT_SECONDS = 30 * 24 * 3600
 """How long the folder of other sources is left alone after its last use: it may be that of another installation."""
@@ -57,10 +59,12 @@ def _places() -> Iterator[Path]:
 
 
 def fingerprint() -> str:
-    """Changes with the sources of the matcher and with numba."""
+    """Changes with the sources of the kernels and with numba."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(_PACKAGE.glob('*.py')):
-        digest.update(b'\0'.join([b'', source.name.encode(), source.read_bytes()]))
+    for folder in _KERNEL_FOLDERS:
+        for source in sorted((_PACKAGE / folder).rglob('*.py')):
+            name = source.relative_to(_PACKAGE).as_posix()
+            digest.update(b'\0'.join([b'', name.encode(), source.read_bytes()]))
     return digest.hexdigest()[:16]
 
 

@@ -13,9 +13,9 @@ import cv2
 import numba
 import numpy as np
 
-from .arrays import Float32, Image, Int16, Int32, Uint8, UInt64
-from .parameters import MatcherParameters
-from .vectors import absolute, count_ones, load, minimum, splat, to_float, where_equal
+from ..kernels.arrays import Float32, Image, Int16, Int32, Uint8, UInt64
+from ..kernels.vectors import absolute, count_ones, load, minimum, splat, to_float, where_equal
+from ..parameters import MatcherParameters
 
 # Disparities worked on at a time by one thread: one vector, and one cache line a node.
 BLOCK = 16

@@ -11,12 +11,20 @@ import dataclasses
 import numba
 import numpy as np
 
-from .arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
-from .disparity_optimization import Winners, take_smallest
-from .matching_cost import CostScale, MatchingPlanes, cost_scale, cost_terms, cost_vector, gather_nodes, gather_pixels
-from .parameters import MatcherParameters
+from ..disparity_optimization.winners import Winners, take_smallest
+from ..kernels.arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
+from ..kernels.vectors import load, minimum, pointer, splat, store, to_uint16
+from ..matching_cost.planes import (
+    CostScale,
+    MatchingPlanes,
+    cost_scale,
+    cost_terms,
+    cost_vector,
+    gather_nodes,
+    gather_pixels,
+)
+from ..parameters import MatcherParameters
 from .spanning_forest import SpanningTrees
-from .vectors import load, minimum, pointer, splat, store, to_uint16
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .arrays import Image, Uint8, Uint16
+from ..kernels.arrays import Image, Uint8, Uint16
 
 FROM_LEFT, FROM_ABOVE = 0, 1
 

@@ -1,0 +1,1 @@
+"""Time and accuracy of the matcher beside those of OpenCV."""

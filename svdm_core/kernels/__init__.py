@@ -1,0 +1,1 @@
+"""What all kernels are made with: where they are cached, vectors, the types of their arrays."""
