@@ -1,43 +1,66 @@
 """Stage 3, semi-global: what a jump of the disparity costs between two neighbours, less where the image has an edge."""
 from __future__ import annotations
 
-import cv2
+from typing import NamedTuple
+
 import numpy as np
 
-from ..kernels.arrays import Image, Uint8, Uint16
-
-FROM_LEFT, FROM_ABOVE = 0, 1
-
-
-def penalties_shape(height: int, width: int) -> tuple[int, int, int]:
-    """Shape of the penalties of two views."""
-    return 2, 2, (height + 1) * width
+from ..kernels.arrays import Uint8
+from ..kernels.compilation import kernel
 
 
-def fill_penalties(left: Uint8, right: Uint8, p1: int, p2: int, p2_edge: float, penalties: Uint16) -> None:
-    """P2 of each step from a pixel to the next: p2 / (1 + edge / p2_edge), at least p1 (as Hirschmueller 2008, eq 13).
+class Penalties(NamedTuple):
+    """Of both views, in the unit of the path costs, view 0 the left image and view 1 the mirrored right one.
 
-    The edge is that of the tree (eq 9): the largest channel difference, in grey levels. left, right: uint8 (H, W) or
-    (H, W, 3). p1, p2: in the unit of the path costs. p2_edge: grey levels, 0 for p2 everywhere.
-    penalties: uint16 of `penalties_shape`, view 0 the left image and view 1 the mirrored right one; FROM_LEFT of pixel
-    k = y W + x is that of the step between k - 1 and k, FROM_ABOVE between k - W and k. The rest has no meaning.
+    p1_left, p1_right: of a step of one disparity. p2_left, p2_right: the most that a larger one costs; it is
+    p2 / (1 + edge / p2_edge), at least P1 (as Hirschmueller 2008, eq 13), edge the largest channel difference in
+    grey levels; p2_edge 0: p2 everywhere.
+    across: uint8 (2, (H + 1) * W), of the steps from pixel k - 1 to k = y W + x; down: the same from k - W to k. Those
+    from outside the image have no meaning. The right view's rows are those that are matched.
     """
-    if p2_edge == 0:
-        penalties[:] = p2
-        return
-    table = np.maximum(np.rint(p2 / (1 + np.arange(256) / p2_edge)), p1).astype(np.uint16)
-    for view, image in enumerate((left, right[:, ::-1])):
-        planes = cv2.split(image)
-        height, width = image.shape[:2]
-        maps = penalties[view].reshape(2, height + 1, width)
-        if width > 1:
-            maps[FROM_LEFT, :-1, 1:] = _looked_up([cv2.absdiff(plane[:, 1:], plane[:, :-1]) for plane in planes], table)
-        if height > 1:
-            maps[FROM_ABOVE, 1:-1] = _looked_up([cv2.absdiff(plane[1:], plane[:-1]) for plane in planes], table)
+
+    p1_left: np.uint8
+    p1_right: np.uint8
+    p2_left: np.float32
+    p2_right: np.float32
+    p2_edge: np.float32
+    across: Uint8
+    down: Uint8
 
 
-def _looked_up(differences: list[Image], table: Uint16) -> Image:
-    largest = differences[0]
-    for difference in differences[1:]:
-        largest = cv2.max(largest, difference)
-    return cv2.LUT(largest, table)
+@kernel
+def fill_penalties(penalties: Penalties, view: int, levels: Uint8, row: int, above: int, y: int) -> None:
+    """Row y of one view: image row `row` of levels, uint8 (C, H, W), its neighbour above is image row `above`."""
+    width = levels.shape[2]
+    edges = np.empty((2, width), np.uint8)
+    edges[0, 0] = 0
+    for x in range(1, width):
+        edges[0, x] = _difference(levels[0, row, x], levels[0, row, x - 1])
+    for x in range(width):
+        edges[1, x] = _difference(levels[0, row, x], levels[0, above, x])
+    for c in range(1, levels.shape[0]):
+        for x in range(1, width):
+            edges[0, x] = max(edges[0, x], _difference(levels[c, row, x], levels[c, row, x - 1]))
+        for x in range(width):
+            edges[1, x] = max(edges[1, x], _difference(levels[c, row, x], levels[c, above, x]))
+    first = y * width
+    p1, p2 = (penalties.p1_right, penalties.p2_right) if view == 1 else (penalties.p1_left, penalties.p2_left)
+    _look_up(edges[0], view == 1, 1, p1, p2, penalties.p2_edge, penalties.across[view, first:first + width])
+    _look_up(edges[1], view == 1, 0, p1, p2, penalties.p2_edge, penalties.down[view, first:first + width])
+
+
+@kernel
+def _difference(a: np.uint8, b: np.uint8) -> np.uint8:
+    return np.uint8(max(a, b) - min(a, b))
+
+
+@kernel
+def _look_up(
+    edges: Uint8, mirrored: bool, shift: int, p1: np.uint8, p2: np.float32, p2_edge: np.float32, to: Uint8
+) -> None:
+    """shift: 1 where an edge lies before its pixel, which a mirror puts behind it."""
+    width = edges.size
+    for x in range(width):
+        edge = np.float32(edges[min(width - 1 - x + shift, width - 1) if mirrored else x])
+        weight = np.float32(1) + (edge / p2_edge if p2_edge > 0 else np.float32(0))
+        to[x] = np.uint8(min(max(np.rint(p2 / weight), np.float32(p1)), np.float32(255)))

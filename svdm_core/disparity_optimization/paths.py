@@ -1,0 +1,139 @@
+"""Stage 3, semi-global: costs smoothed along scanlines from three or four sides (Hirschmueller 2008), in bytes.
+
+L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2(q, p)) - min L(q), q the pixel before p. The sums
+saturate: what is at the limit is so bad that it does not win. All disparities of a pixel are one vector.
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..kernels.arrays import Float32, Int16, Uint8
+from ..kernels.compilation import kernel
+from ..kernels.vectors import pointer
+from ..kernels.wide import (
+    UNIT,
+    Lanes,
+    add_saturated,
+    first_equal_wide,
+    lanes_above,
+    lanes_below,
+    least_wide,
+    load_wide,
+    minimum_wide,
+    splat_wide,
+    store_wide,
+    subtract_saturated,
+)
+
+ROWS = 4
+"""Rows smoothed along at a time: the instructions of one need not wait for those of its neighbour."""
+
+
+@kernel
+def _step(same: Any, cost: Any, low: np.uint8, smooth: Any, jump: np.uint8, lanes: Lanes) -> Any:
+    """L of a pixel: same and low, L of the pixel before and its minimum; smooth and jump, P1 and P2 of the step."""
+    base = splat_wide(low, lanes)
+    beside = add_saturated(minimum_wide(lanes_below(same), lanes_above(same)), smooth)
+    best = minimum_wide(minimum_wide(same, beside), add_saturated(base, splat_wide(jump, lanes)))
+    return add_saturated(cost, subtract_saturated(best, base))
+
+
+@kernel
+def along_rows(
+    costs: Uint8, rows: int, width: int, p1: np.uint8, p2: Uint8, backwards: bool, sums: Uint8, lanes: Lanes
+) -> None:
+    """Path costs from the left, or added to them those from the right, of up to ROWS rows at once.
+
+    costs: uint8 (rows * W * lanes); p2: uint8, one for each pixel (its step from the left), and one more; sums: uint8
+    (ROWS * W * lanes), of which rows that are not there get numbers without meaning.
+    """
+    cost, to, jump = pointer(costs), pointer(sums), pointer(p2)
+    step, smooth, row = UNIT * len(lanes), splat_wide(p1, lanes), width * UNIT * len(lanes)
+    b_row, c_row, d_row = min(1, rows - 1), min(2, rows - 1), min(3, rows - 1)
+    a = splat_wide(np.uint8(0), lanes)
+    b, c, d = a, a, a
+    low_a, low_b, low_c, low_d = np.uint8(0), np.uint8(0), np.uint8(0), np.uint8(0)
+    for k in range(width):
+        x = width - 1 - k if backwards else k
+        o, there = x * step, x + 1 if backwards else x
+        a = _step(a, load_wide(cost, o, lanes), low_a, smooth, jump[there], lanes)
+        _put(a, backwards, to, o, lanes)
+        low_a = least_wide(a)
+        b = _step(b, load_wide(cost, o + b_row * row, lanes), low_b, smooth, jump[b_row * width + there], lanes)
+        _put(b, backwards, to, o + row, lanes)
+        low_b = least_wide(b)
+        c = _step(c, load_wide(cost, o + c_row * row, lanes), low_c, smooth, jump[c_row * width + there], lanes)
+        _put(c, backwards, to, o + 2 * row, lanes)
+        low_c = least_wide(c)
+        d = _step(d, load_wide(cost, o + d_row * row, lanes), low_d, smooth, jump[d_row * width + there], lanes)
+        _put(d, backwards, to, o + 3 * row, lanes)
+        low_d = least_wide(d)
+
+
+@kernel
+def _put(path: Any, add: bool, to: Any, at: int, lanes: Lanes) -> None:
+    store_wide(to, at, add_saturated(path, load_wide(to, at, lanes)) if add else path)
+
+
+class Line(NamedTuple):
+    """Path costs of the last row of a path from above or below: uint8 (W * lanes), and their minima, uint8 (W)."""
+
+    costs: Uint8
+    low: Uint8
+
+
+@kernel
+def along_columns(costs: Uint8, p1: np.uint8, p2: Uint8, line: Line, into: Uint8, lanes: Lanes) -> None:
+    """One row of the paths from above, or from below; into: where it is wanted, uint8 (W * lanes), else empty.
+
+    p2: uint8 (W), of the steps to this row's pixels.
+    """
+    cost, last, low, jump, to = pointer(costs), pointer(line.costs), pointer(line.low), pointer(p2), pointer(into)
+    smooth, step = splat_wide(p1, lanes), UNIT * len(lanes)
+    for x in range(line.low.size):
+        path = _step(load_wide(last, x * step, lanes), load_wide(cost, x * step, lanes), low[x], smooth, jump[x], lanes)
+        store_wide(last, x * step, path)
+        low[x] = least_wide(path)
+        if into.size > 0:
+            store_wide(to, x * step, path)
+
+
+@kernel
+def take_winners(
+    costs: Uint8, steps: tuple[np.uint8, Uint8], line: Line, sums: Uint8, more: Uint8, barrier: Uint8, winner: Int16,
+    lanes: Lanes,
+) -> None:
+    """The last path, from above, and the winners of one row: the disparities of the smallest sums.
+
+    steps: P1, and P2 as in `along_columns`. sums: those of the other paths, which become those of all; more: uint8
+    (W * lanes) to be added, or empty. barrier: uint8 (lanes), 255 behind the search range. winner: int16 (W).
+    """
+    cost, last, low, jump, to = pointer(costs), pointer(line.costs), pointer(line.low), pointer(steps[1]), pointer(sums)
+    third, best, added, step = pointer(more), pointer(winner), more.size > 0, UNIT * len(lanes)
+    smooth, behind = splat_wide(steps[0], lanes), load_wide(pointer(barrier), 0, lanes)
+    for x in range(line.low.size):
+        o = x * step
+        path = _step(load_wide(last, o, lanes), load_wide(cost, o, lanes), low[x], smooth, jump[x], lanes)
+        store_wide(last, o, path)
+        low[x] = least_wide(path)
+        total = add_saturated(path, load_wide(to, o, lanes))
+        if added:
+            total = add_saturated(total, load_wide(third, o, lanes))
+        store_wide(to, o, total)
+        total = total | behind
+        best[x] = np.int16(first_equal_wide(total, least_wide(total)))
+
+
+@kernel
+def fill_vertices(sums: Uint8, winner: Int16, num_disparities: int, vertex: Float32, lanes: Lanes) -> None:
+    """vertex[x]: `symmetric_v` of the winner's sum and its neighbours', 0 at either end of the search range."""
+    for x in range(winner.size):
+        d = np.int64(winner[x])
+        at = x * UNIT * len(lanes) + d
+        below, lowest = np.float32(sums[max(at - 1, 0)]), np.float32(sums[at])
+        above = np.float32(sums[min(at + 1, sums.size - 1)])
+        inside = np.float32(d > 0) * np.float32(d < num_disparities - 1)
+        slope = max(max(below, above) - lowest, np.float32(1))  # sums are whole numbers
+        vertex[x] = inside * (np.float32(0.5) * (below - above) / slope)

@@ -1,0 +1,378 @@
+"""Vectors as wide as the search range: up to 1024 lanes of 8 or 16 bits, cut into pieces that registers can hold.
+
+How many lanes there are is part of numba's types, so a kernel is compiled for each width: it takes `lanes`, a tuple
+of `lanes_for`, whose length counts the lanes in units of 32. What goes with it is in `vectors`: pointers, and the rule
+that indices are not checked. Lanes wrap around in + - *; nothing here depends on the processor but its speed.
+"""
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic, models, overload, register_model
+
+UNIT = 32
+"""Lanes that one element of a `lanes` tuple stands for."""
+
+_LARGEST_PIECE = 64
+"""Lanes LLVM sees in one vector: one AVX-512 register of bytes. It splits powers of two well, and nothing else."""
+
+_NIBBLE_DISTANCES = [(a ^ b).bit_count() for a in range(16) for b in range(16)]
+
+Lanes = tuple[int, ...]
+
+
+def lanes_for(num_disparities: int) -> Lanes:
+    """The tuple that stands for the narrowest vectors that hold a search range of 1 to 1024 disparities."""
+    return (0,) * -(-num_disparities // UNIT)
+
+
+def width_of(lanes: Lanes) -> int:
+    """The number of lanes; for Python, where kernels write `UNIT * len(lanes)`."""
+    return UNIT * len(lanes)
+
+
+class Wide(types.Type):  # type: ignore[misc]  # numba comes without types
+    """numba's type of a wide vector: `lanes` numbers of the integer type `element`, in equal pieces."""
+
+    def __init__(self, element: Any, lanes: int) -> None:
+        self.element, self.lanes = element, lanes
+        self.piece = next(size for size in (_LARGEST_PIECE, UNIT) if lanes % size == 0)
+        self.pieces = lanes // self.piece
+        super().__init__(name=f'Wide({element}, {lanes})')
+
+    def piece_type(self) -> ir.VectorType:
+        return ir.VectorType(ir.IntType(self.element.bitwidth), self.piece)
+
+    def as_llvm(self) -> Any:
+        return ir.ArrayType(self.piece_type(), self.pieces)
+
+
+@register_model(Wide)
+class _WideModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, wide: Wide) -> None:
+        super().__init__(manager, wide, wide.as_llvm())
+
+
+def _intrinsic(generator: Callable[..., Any]) -> Any:
+    """numba's decorator, typed. Numbers written in the kernel arrive as literals."""
+    return intrinsic(prefer_literal=True)(generator)
+
+
+def _width(lanes: Any) -> int:
+    return UNIT * int(lanes.count)
+
+
+def _split(builder: Any, value: Any, wide: Wide) -> list[Any]:
+    return [builder.extract_value(value, k) for k in range(wide.pieces)]
+
+
+def _join(builder: Any, pieces: list[Any], wide: Wide) -> Any:
+    whole = ir.Constant(wide.as_llvm(), ir.Undefined)
+    for k, piece in enumerate(pieces):
+        whole = builder.insert_value(whole, piece, k)
+    return whole
+
+
+def _constant(wide: Wide, value: int) -> ir.Constant:
+    return ir.Constant(wide.piece_type(), [value] * wide.piece)
+
+
+def _places(wide: Wide, elements: Any, index: Any, context: Any, builder: Any, kind: Any) -> list[Any]:
+    """Addresses of the pieces in memory, from `index` on."""
+    start = context.cast(builder, index, kind, types.intp)
+    offsets = (ir.Constant(ir.IntType(64), k * wide.piece) for k in range(wide.pieces))
+    to = wide.piece_type().as_pointer()
+    return [builder.bitcast(builder.gep(elements, [builder.add(start, offset)]), to) for offset in offsets]
+
+
+@_intrinsic
+def load_wide(_: Any, elements: Any, index: Any, lanes: Any) -> Any:
+    """The elements from `index` on."""
+    wide = Wide(elements.dtype, _width(lanes))
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        places = _places(wide, *arguments[:2], context, builder, signature.args[1])
+        return _join(builder, [builder.load(place, align=1) for place in places], wide)
+
+    return wide(elements, index, lanes), generate
+
+
+@_intrinsic
+def store_wide(_: Any, elements: Any, index: Any, value: Any) -> Any:
+    """Write `value` to the elements from `index` on."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        places = _places(value, *arguments[:2], context, builder, signature.args[1])
+        for place, piece in zip(places, _split(builder, arguments[2], value), strict=True):
+            builder.store(piece, place, align=1)
+        return context.get_dummy_value()
+
+    return types.void(elements, index, value), generate
+
+
+@_intrinsic
+def splat_wide(_: Any, value: Any, lanes: Any) -> Any:
+    """One number in all lanes."""
+    wide = Wide(types.unliteral(value), _width(lanes))
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _join(builder, [_repeat(builder, arguments[0], wide)] * wide.pieces, wide)
+
+    return wide(value, lanes), generate
+
+
+def _repeat(builder: Any, value: Any, wide: Wide) -> Any:
+    nothing = ir.Constant(wide.piece_type(), ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), wide.piece),
+                                                              [0] * wide.piece))
+
+
+def _lanewise(meaning: str, instruction: Callable[[Any, Wide, Any, Any], Any]) -> Any:
+    """An intrinsic f(a, b) of two vectors of one type, piece by piece."""
+    @_intrinsic
+    def lanewise(_: Any, a: Any, b: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            pairs = zip(*(_split(builder, value, a) for value in arguments), strict=True)
+            return _join(builder, [instruction(builder, a, *pair) for pair in pairs], a)
+
+        return a(a, b), generate
+
+    lanewise.__doc__ = meaning
+    return lanewise
+
+
+def _called(name: str) -> Callable[[Any, Wide, Any, Any], Any]:
+    def call(builder: Any, wide: Wide, a: Any, b: Any) -> Any:
+        kind = wide.piece_type()
+        full = f'llvm.{name}.v{wide.piece}i{wide.element.bitwidth}'
+        return builder.call(cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind, kind]), full),
+                            [a, b])
+    return call
+
+
+add_saturated = _lanewise('a + b of unsigned lanes, at most what a lane holds.', _called('uadd.sat'))
+subtract_saturated = _lanewise('a - b of unsigned lanes, at least 0.', _called('usub.sat'))
+minimum_wide = _lanewise('The smaller of each two unsigned lanes.', _called('umin'))
+maximum_wide = _lanewise('The larger of each two unsigned lanes.', _called('umax'))
+
+
+def _high_product(builder: Any, wide: Wide, a: Any, b: Any) -> Any:
+    double = ir.VectorType(ir.IntType(2 * wide.element.bitwidth), wide.piece)
+    product = builder.mul(builder.zext(a, double), builder.zext(b, double))
+    bits = ir.Constant(double, [wide.element.bitwidth] * wide.piece)
+    return builder.trunc(builder.lshr(product, bits), wide.piece_type())
+
+
+multiply_high = _lanewise('The upper half of the products of unsigned lanes.', _high_product)
+
+
+def _overload_operator(symbol: Any, instruction: str) -> None:
+    lanewise = _lanewise(instruction, lambda builder, _, a, b: getattr(builder, instruction)(a, b))
+
+    @overload(symbol)  # type: ignore[misc]
+    def _(a, b):  # type: ignore[no-untyped-def]  # numba compares the signature with that of the lambda
+        return (lambda a, b: lanewise(a, b)) if isinstance(a, Wide) and a == b else None
+
+
+for _symbol, _instruction in ((operator.add, 'add'), (operator.sub, 'sub'), (operator.mul, 'mul'),
+                              (operator.or_, 'or_'), (operator.and_, 'and_')):
+    _overload_operator(_symbol, _instruction)
+
+
+@_intrinsic
+def shift_right(_: Any, a: Any, bits: Any) -> Any:
+    """Unsigned lanes divided by 2^bits; bits is written in the kernel."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        count = _constant(a, bits.literal_value)
+        return _join(builder, [builder.lshr(piece, count) for piece in _split(builder, arguments[0], a)], a)
+
+    return a(a, bits), generate
+
+
+@_intrinsic
+def widen(_: Any, a: Any) -> Any:
+    """uint8 as uint16."""
+    wide = Wide(types.uint16, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = _split(builder, arguments[0], a)
+        return _join(builder, [builder.zext(piece, wide.piece_type()) for piece in pieces], wide)
+
+    return wide(a), generate
+
+
+@_intrinsic
+def narrow_wide(_: Any, a: Any) -> Any:
+    """uint16 below 256 as uint8."""
+    wide = Wide(types.uint8, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = _split(builder, arguments[0], a)
+        return _join(builder, [builder.trunc(piece, wide.piece_type()) for piece in pieces], wide)
+
+    return wide(a), generate
+
+
+@_intrinsic
+def absolute_difference(_: Any, a: Any, b: Any) -> Any:
+    """|a - b| of int16 lanes, as uint16: exact, however far apart they are."""
+    wide = Wide(types.uint16, a.lanes)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = []
+        for x, y in zip(*(_split(builder, value, a) for value in arguments), strict=True):
+            less = builder.icmp_signed('<', x, y)
+            pieces.append(builder.sub(builder.select(less, y, x), builder.select(less, x, y)))
+        return _join(builder, pieces, wide)
+
+    return wide(a, b), generate
+
+
+def _neighbours(meaning: str, below: bool) -> Any:
+    """An intrinsic f(a): each lane takes its neighbour's value, the lane at the end the largest number there is."""
+    @_intrinsic
+    def neighbours(_: Any, a: Any) -> Any:
+        indices = [a.piece - 1 + k if below else 1 + k for k in range(a.piece)]
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            largest = _constant(a, (1 << a.element.bitwidth) - 1)
+            pieces = _split(builder, arguments[0], a)
+            joined = [largest, *pieces] if below else [*pieces, largest]
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), a.piece), indices)
+            return _join(builder, [builder.shuffle_vector(*pair, mask)
+                                   for pair in zip(joined, joined[1:], strict=False)], a)
+
+        return a(a), generate
+
+    neighbours.__doc__ = meaning
+    return neighbours
+
+
+lanes_below = _neighbours('Lane k takes lane k - 1; lane 0 the largest number.', True)
+lanes_above = _neighbours('Lane k takes lane k + 1; the last lane the largest number.', False)
+
+
+def _reduce(builder: Any, name: str, vector: Any) -> Any:
+    kind = vector.type
+    full = f'llvm.vector.reduce.{name}.v{kind.count}i{kind.element.width}'
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind.element, [kind]), full)
+    return builder.call(function, [vector])
+
+
+@_intrinsic
+def least_wide(_: Any, a: Any) -> Any:
+    """The smallest of unsigned lanes."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = _split(builder, arguments[0], a)
+        smallest = pieces[0]
+        for piece in pieces[1:]:
+            smallest = _called('umin')(builder, a, smallest, piece)
+        return _reduce(builder, 'umin', smallest)
+
+    return a.element(a), generate
+
+
+@_intrinsic
+def sum_wide(_: Any, a: Any) -> Any:
+    """The sum of unsigned lanes, uint32."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        double = ir.VectorType(ir.IntType(32), a.piece)
+        pieces = [builder.zext(piece, double) for piece in _split(builder, arguments[0], a)]
+        total = pieces[0]
+        for piece in pieces[1:]:
+            total = builder.add(total, piece)
+        return _reduce(builder, 'add', total)
+
+    return types.uint32(a), generate
+
+
+@_intrinsic
+def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
+    """The first lane that equals `value`, int32; there must be one."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        wanted, first = _repeat(builder, arguments[1], a), ir.Constant(ir.IntType(32), 0)
+        pieces = _split(builder, arguments[0], a)
+        for k in range(a.pieces - 1, -1, -1):
+            mask = builder.bitcast(builder.icmp_unsigned('==', pieces[k], wanted), ir.IntType(a.piece))
+            lane = builder.cttz(mask, ir.Constant(ir.IntType(1), 0))
+            lane = builder.trunc(lane, ir.IntType(32)) if a.piece > 32 else lane
+            here = builder.add(lane, ir.Constant(ir.IntType(32), k * a.piece))
+            none = builder.icmp_unsigned('==', mask, ir.Constant(mask.type, 0))
+            first = builder.select(none, first, here)
+        return first
+
+    return types.int32(a, value), generate
+
+
+@_intrinsic
+def where_less(_: Any, a: Any, b: Any, then: Any) -> Any:
+    """`then` in the lanes in which a < b, else 0; unsigned lanes."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        zero = _constant(then, 0)
+        pieces = zip(*(_split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
+                     strict=True)
+        return _join(builder, [builder.select(builder.icmp_unsigned('<', x, y), value, zero)
+                               for x, y, value in pieces], then)
+
+    return then(a, b, then), generate
+
+
+@_intrinsic
+def differing_bits(_: Any, own: Any, nibbles: Any) -> Any:
+    """How many of four bits of each lane differ from those of the number `own`; both uint8 below 16."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = _split(builder, arguments[1], nibbles)
+        if 'avx2' in _processor(context):
+            table = _nibble_table(builder, arguments[0])
+            found = [_look_up(builder, table, piece) for piece in pieces]
+        else:
+            wanted = _repeat(builder, arguments[0], nibbles)
+            found = [_bits_set(builder, nibbles, builder.xor(piece, wanted)) for piece in pieces]
+        return _join(builder, found, nibbles)
+
+    return nibbles(own, nibbles), generate
+
+
+def _processor(context: Any) -> str:
+    """Name and features of the processor that is compiled for."""
+    _, name, features = context.codegen().magic_tuple()
+    return f'{name} {features}'.replace('-avx2', '')
+
+
+def _bits_set(builder: Any, wide: Wide, piece: Any) -> Any:
+    kind = wide.piece_type()
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]),
+                                              f'llvm.ctpop.v{wide.piece}i8')
+    return builder.call(function, [piece])
+
+
+def _nibble_table(builder: Any, own: Any) -> Any:
+    """<32 x i8>: the distances of `own` from 0 to 15, twice."""
+    name, kind = 'svdm.nibble.distances', ir.ArrayType(ir.IntType(8), 256)
+    table = builder.module.globals.get(name)
+    if table is None:
+        table = ir.GlobalVariable(builder.module, kind, name)
+        table.linkage, table.global_constant, table.align = 'internal', True, 16
+        table.initializer = ir.Constant(kind, _NIBBLE_DISTANCES)
+    start = builder.shl(builder.zext(own, ir.IntType(64)), ir.Constant(ir.IntType(64), 4))
+    row = ir.VectorType(ir.IntType(8), 16)
+    place = builder.bitcast(builder.gep(table, [ir.Constant(ir.IntType(64), 0), start]), row.as_pointer())
+    twice = ir.Constant(ir.VectorType(ir.IntType(32), 32), [*range(16), *range(16)])
+    return builder.shuffle_vector(builder.load(place, align=16), ir.Constant(row, ir.Undefined), twice)
+
+
+def _look_up(builder: Any, table: Any, indices: Any) -> Any:
+    """AVX2's shuffle of bytes as a table of 16 entries."""
+    half = ir.VectorType(ir.IntType(8), 32)
+    shuffle = cgutils.get_or_insert_function(builder.module, ir.FunctionType(half, [half, half]), 'llvm.x86.avx2.pshuf.b')
+    if indices.type.count == 32:
+        return builder.call(shuffle, [table, indices])
+    numbers = ir.VectorType(ir.IntType(32), 32)
+    nothing = ir.Constant(indices.type, ir.Undefined)
+    low, high = (builder.call(shuffle, [table, builder.shuffle_vector(indices, nothing, ir.Constant(numbers, [*lanes]))])
+                 for lanes in (range(32), range(32, 64)))
+    return builder.shuffle_vector(low, high, ir.Constant(ir.VectorType(ir.IntType(32), 64), [*range(64)]))
