@@ -14,6 +14,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Float32, Image, Int16, Int32, Uint8, UInt64
+from ..kernels.compilation import kernel
 from ..kernels.vectors import absolute, count_ones, load, minimum, splat, to_float, where_equal
 from ..parameters import MatcherParameters
 
@@ -97,7 +98,7 @@ def _grey(image: Image) -> Image:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _fill_colours(image: Image, unit: np.float32, mirrored: bool, planes: Int16) -> None:
     height, width, channels = image.shape
     for y in numba.prange(height):
@@ -108,7 +109,7 @@ def _fill_colours(image: Image, unit: np.float32, mirrored: bool, planes: Int16)
                 to[x] = np.int16(np.rint(np.float32(image[y, column, c]) * unit))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _fill_gradient(grey: Image, unit: np.float32, magnitude: bool, mirrored: bool, plane: Int16) -> None:
     """Signed x difference, halved (eq 3), or magnitude, differences not halved (eq 5); borders replicated."""
     height, width = grey.shape
@@ -126,7 +127,7 @@ def _fill_gradient(grey: Image, unit: np.float32, magnitude: bool, mirrored: boo
             to[x] = np.int16(np.rint(slope[x] * unit))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _fill_census(grey: Image, mirrored: bool, plane: UInt64) -> None:
     """One bit for each neighbour that is darker than the pixel, in reading order; borders replicated."""
     height, width = grey.shape
@@ -150,13 +151,13 @@ def _fill_census(grey: Image, mirrored: bool, plane: UInt64) -> None:
         _join_bytes(bits, to)
 
 
-@numba.njit(cache=True)
+@kernel
 def _append_bit(neighbour: Image, pixel: Image, byte: Uint8) -> None:
     for x in range(pixel.size):
         byte[x] = np.uint8(byte[x] << np.uint8(1)) | np.uint8(neighbour[x] < pixel[x])
 
 
-@numba.njit(cache=True)
+@kernel
 def _join_bytes(bits: Uint8, words: UInt64) -> None:
     for x in range(words.size):
         word = np.uint64(0)
@@ -165,7 +166,7 @@ def _join_bytes(bits: Uint8, words: UInt64) -> None:
         words[x] = word
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def gather_pixels(values: Int16, census: UInt64, width: int, partner: Int32, own: Float32, own_census: UInt64) -> None:
     """What `gather_nodes` does where the nodes are the pixels in their order."""
     views, count, height, pitch = values.shape
@@ -181,7 +182,7 @@ def gather_pixels(values: Int16, census: UInt64, width: int, partner: Int32, own
                 own_census[view, first:first + width] = census[view, y, :width]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def gather_nodes(
     values: Int16, census: UInt64, pixel: Int32, width: int, partner: Int32, own: Float32, own_census: UInt64
 ) -> None:
@@ -203,7 +204,7 @@ def gather_nodes(
                     own_census[view, k] = census[view, y, x]
 
 
-@numba.njit(cache=True)
+@kernel
 def cost_vector(own, own_census, k, values, census, terms, planes, size, start, scale):  # type: ignore[no-untyped-def]
     """Costs of node k, a vector over BLOCK disparities (eq 8), unit 1 / INTENSITY.
 
