@@ -4,7 +4,6 @@ from .runtime.interrupts import end_quietly_if_command
 
 end_quietly_if_command()
 
-from .kernels.cache import kernel_cache
 from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
 from .presets import load_preset, preset_names
 from .runtime.memory_reuse import keep_freed_memory
@@ -12,8 +11,7 @@ from .runtime.thread_waiting import wait_briefly
 
 wait_briefly()
 keep_freed_memory()
-with kernel_cache():
-    from .matcher import DisparityResult, StereoMatcher
+from .matcher import DisparityResult, StereoMatcher
 
 __all__ = [
     'DisparityResult',

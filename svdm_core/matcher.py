@@ -20,14 +20,12 @@ from .disparity_optimization.winners import Winners
 from .disparity_refinement.left_right import left_right_check
 from .disparity_refinement.refinement import refine
 from .kernels.arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
+from .kernels.compilation import THREADS
 from .matching_cost.planes import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
-
-# The threads numba started with: its cores, or what NUMBA_NUM_THREADS says.
-_CORES = numba.get_num_threads()
 
 # Most that the costs in work may take, where one block of either view takes less: memory must not grow with the cores.
 _COST_BYTES = 256 * 2**20
@@ -74,7 +72,7 @@ class StereoMatcher:
         """
         left, right = _checked(left, right)
         with _KERNELS:
-            numba.set_num_threads(min(self.threads or _CORES, _CORES))
+            numba.set_num_threads(min(self.threads or THREADS, THREADS))
             return self._compute(left, right, self.parameters)
 
     def warm_up(self) -> None:

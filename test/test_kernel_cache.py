@@ -17,19 +17,16 @@ from svdm_core.kernels import cache
 CORE = Path(svdm_core.__file__).resolve().parent
 KERNEL_FOLDER = 'svdm_kernels_'
 SMALL_PACKAGE = {
-    '__init__.py': '''from .kernels.cache import kernel_cache
-with kernel_cache():
-    from .matching_cost.scaling import scaled
-''',
+    '__init__.py': '',
     'kernels/__init__.py': '',
     'kernels/deeper/constants.py': 'FACTOR = 3\n',
     'commands/texts.py': 'TITLE = "small"\n',
     'matching_cost/__init__.py': '',
-    'matching_cost/scaling.py': '''import numba
+    'matching_cost/scaling.py': '''from ..kernels.compilation import kernel
 from ..kernels.deeper.constants import FACTOR
 
 
-@numba.njit(cache=True)
+@kernel
 def scaled(x):
     return x * FACTOR
 ''',
@@ -37,7 +34,7 @@ def scaled(x):
 
 
 class Installation:
-    """A folder with a package that uses `kernels/cache.py`, and the environment it is imported in."""
+    """A folder with a package that uses `kernels/compilation.py`, and the environment it is imported in."""
 
     def __init__(self, folder):
         self.folder, self.package = folder, folder / 'small'
@@ -45,12 +42,13 @@ class Installation:
         for name, text in SMALL_PACKAGE.items():
             (self.package / name).parent.mkdir(parents=True, exist_ok=True)
             (self.package / name).write_text(text)
-        shutil.copy2(CORE / 'kernels/cache.py', self.package / 'kernels')
+        for name in ('cache.py', 'compilation.py'):
+            shutil.copy2(CORE / 'kernels' / name, self.package / 'kernels')
         self.home, self.temporary = folder / 'home', folder / 'tmp'
         self.home.mkdir()
         self.temporary.mkdir()
 
-    def run(self, code='import small; print(small.scaled(2))', **environment):
+    def run(self, code='from small.matching_cost.scaling import scaled; print(scaled(2))', **environment):
         """What a process of its own prints to stdout and stderr."""
         own = ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME')
         run = subprocess.run(
@@ -143,7 +141,7 @@ def test_folders_that_were_not_used_for_a_month_are_removed_and_nothing_else(ins
 
 
 def test_numba_is_left_as_it_was(installation):
-    code = 'import small, numba; print(repr(numba.config.CACHE_DIR))'
+    code = 'import small.matching_cost.scaling, numba; print(repr(numba.config.CACHE_DIR))'
     assert installation.run(code)[0] == "''"
     assert installation.run(code, NUMBA_CACHE_DIR=str(installation.folder / 'asked'))[0].endswith("asked'")
 
@@ -157,3 +155,8 @@ def test_every_kernel_is_in_a_folder_of_the_sources():
     assert outside == set()
     places = {Path(kernel.py_func.__code__.co_filename).relative_to(CORE).parts[0] for kernel in kernels}
     assert places <= set(cache._KERNEL_FOLDERS)
+
+
+def test_every_kernel_is_made_by_the_one_decorator():
+    outside = [path.name for path in CORE.rglob('*.py') if 'njit' in path.read_text()]
+    assert outside == ['compilation.py']

@@ -12,6 +12,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Int32, Uint8
+from ..kernels.compilation import kernel
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 
@@ -54,7 +55,7 @@ class SpanningTrees:
         _spanning_trees(planes, self._room, self.weight, scratch, self._links, self._weights)
 
 
-@numba.njit(cache=True)
+@kernel
 def _edge_weights(planes: Uint8, across: Uint8, down: Uint8) -> None:
     """across[y, x], down[y, x]: largest channel difference to the pixel on the right, below."""
     channels, height, width = planes.shape
@@ -74,7 +75,7 @@ def _edge_weights(planes: Uint8, across: Uint8, down: Uint8) -> None:
                 down[y, x] = max(down[y, x], np.uint8(difference))
 
 
-@numba.njit(cache=True)
+@kernel
 def _sort_edges(across: Uint8, down: Uint8, edges: Int32) -> int:
     """Edges by weight, ties in row order (counting sort); an edge is 2 * pixel, + 1 when it goes down.
 
@@ -105,7 +106,7 @@ def _sort_edges(across: Uint8, down: Uint8, edges: Int32) -> int:
     return int(count)
 
 
-@numba.njit(cache=True, inline='always')
+@kernel
 def _root(above: Int32, node: np.int32) -> np.int32:
     while above[node] != node:
         above[node] = above[above[node]]
@@ -113,7 +114,7 @@ def _root(above: Int32, node: np.int32) -> np.int32:
     return node
 
 
-@numba.njit(cache=True)
+@kernel
 def _link_tree(edges: Int32, width: int, above: Int32, links: Uint8) -> None:
     """Kruskal: for each pixel the directions (RIGHT | LEFT | DOWN | UP) in which the tree goes on."""
     links[:] = 0
@@ -137,7 +138,7 @@ def _link_tree(edges: Int32, width: int, above: Int32, links: Uint8) -> None:
                 break
 
 
-@numba.njit(cache=True)
+@kernel
 def _breadth_first(links: Uint8, width: int, pixel: Int32, parent: Int32, back: Uint8) -> None:
     """Number the nodes from pixel 0 on; back[k]: the direction from node k to its parent, 0 for the root.
 
@@ -159,7 +160,7 @@ def _breadth_first(links: Uint8, width: int, pixel: Int32, parent: Int32, back: 
         end += onwards >> 3 & 1
 
 
-@numba.njit(cache=True)
+@kernel
 def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, weight: Uint8) -> None:
     """weight[k] from the weights of all edges, uint8 (2 * N): across, then down."""
     edge = np.zeros(16, np.int64)  # by direction, from the pixel
@@ -169,7 +170,7 @@ def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, w
         weight[k] = weights[pixel[k] + edge[back[k]]]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _spanning_trees(
     planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:
@@ -177,7 +178,7 @@ def _spanning_trees(
         _spanning_tree(planes[view], room[view], weight[view], scratch[view], links[view], weights[view])
 
 
-@numba.njit(cache=True)
+@kernel
 def _spanning_tree(planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
     """room: pixel and parent; links: links and the directions back to the parent."""
     nodes, width = weight.size, planes.shape[2]

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..disparity_optimization.winners import Winners, take_smallest
 from ..kernels.arrays import Float32, Int16, Int32, Uint8, Uint16, UInt64
+from ..kernels.compilation import kernel
 from ..kernels.vectors import load, minimum, pointer, splat, store, to_uint16
 from ..matching_cost.planes import (
     CostScale,
@@ -108,7 +109,7 @@ def aggregate_volume(
                       scratch, trees.pixel, np.float32(factor) / sums, np.float32(scale[4] * factor), stride, volume)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
     """The two passes over ones: the sum of all supports of each node."""
     for view in numba.prange(parent.shape[0]):
@@ -121,7 +122,7 @@ def _support_sums(parent: Int32, similarity: Float32, sums: Float32) -> None:
             total[k] = s * total[parent[view, k]] + (np.float32(1) - s * s) * total[k]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _aggregate_volume(
     parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
@@ -141,7 +142,7 @@ def _aggregate_volume(
                             scratch[view, slot], pixel[view], factor[view], largest, stride, volume[view])
 
 
-@numba.njit(cache=True)
+@kernel
 def _root_to_volume(
     parent: Int32, similarity: Float32, first: int, behind: Float32, rows: Float32, pixel: Int32, factor: Float32,
     largest: np.float32, stride: int, volume: Uint16,
@@ -157,7 +158,7 @@ def _root_to_volume(
         store(volume_at, np.int64(pixel[k]) * stride + first, to_uint16(scaled))
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Uint8) -> None:
     views, nodes = parent.shape
     inner[:] = 0
@@ -168,7 +169,7 @@ def _supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: F
             inner[view, parent[view, k]] = 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _aggregate(
     parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool], min_disparity: int,
@@ -189,7 +190,7 @@ def _aggregate(
                           beside[slot])
 
 
-@numba.njit(cache=True)
+@kernel
 def _leaf_to_root(
     parent: Int32, similarity: Float32, inner: Uint8, partner: Int32, own: Float32, own_census: UInt64,
     values: Int16, census: UInt64, size: int, scale: CostScale, terms: tuple[bool, bool],
@@ -215,7 +216,7 @@ def _leaf_to_root(
         parent_before = above
 
 
-@numba.njit(cache=True)
+@kernel
 def _behind(first: int, stop: int, block: int, inside: float, outside: float) -> Float32:
     """What is added to a block of costs: `inside` up to disparity `stop`, `outside` from there on."""
     added = np.full(block, np.float32(inside))
@@ -223,7 +224,7 @@ def _behind(first: int, stop: int, block: int, inside: float, outside: float) ->
     return added
 
 
-@numba.njit(cache=True)
+@kernel
 def _root_to_leaf(
     parent: Int32, similarity: Float32, first: int, start: int, behind: Float32, subpixel: bool, rows: Float32,
     best: Int32, index: Int32, beside: Float32,

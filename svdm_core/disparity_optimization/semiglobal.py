@@ -15,6 +15,7 @@ import numpy as np
 
 from ..cost_aggregation.tree import ForestNodes
 from ..kernels.arrays import Float32, Int16, Int32, Uint16, UInt64
+from ..kernels.compilation import kernel
 from ..kernels.vectors import (
     count_ones,
     first_equal,
@@ -98,7 +99,7 @@ def _summed(parameters: MatcherParameters) -> int:
     return 9 if parameters.aggregation == 'box' else 1
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _smooth(
     own: Float32, own_census: UInt64, partner: Int32, values: Int16, census: UInt64, planes: int, size: int,
     scale: CostScale, terms: tuple[bool, bool], first: int, disparities: int, factor: np.float32, volume: Uint16,
@@ -126,7 +127,7 @@ def _smooth(
                      vertex if view == 0 else vertex[:0])
 
 
-@numba.njit(cache=True)
+@kernel
 def _advance(line, at, cost, here, total, there, add, low, p1, p2, chunks):  # type: ignore[no-untyped-def]
     """One pixel of one path: L of the pixel before becomes this pixel's, in place; returns its minimum.
 
@@ -149,7 +150,7 @@ def _advance(line, at, cost, here, total, there, add, low, p1, p2, chunks):  # t
     return least(smallest)
 
 
-@numba.njit(cache=True)
+@kernel
 def _winner(total, there, more, at, from_below, barrier, chunks):  # type: ignore[no-untyped-def]
     """(sum, disparity) of the smallest sum of a pixel; adds the path from below first where there is one."""
     smallest = splat(np.uint16(65535))
@@ -168,7 +169,7 @@ def _winner(total, there, more, at, from_below, barrier, chunks):  # type: ignor
     return least_sum, winner
 
 
-@numba.njit(cache=True)
+@kernel
 def _cost_row(source, y, height, width, stride, into):  # type: ignore[no-untyped-def]
     """Matching costs of row y, scaled, into uint16 (width * stride); behind the search range the largest."""
     own, own_census, partner, values, census, planes, size, scale, terms, first, disparities, behind, factor = source
@@ -192,7 +193,7 @@ def _cost_row(source, y, height, width, stride, into):  # type: ignore[no-untype
             store(at, x * stride + d, to_uint16(minimum(scaled, largest)))
 
 
-@numba.njit(cache=True)
+@kernel
 def _add_beside(row, into, width, stride):  # type: ignore[no-untyped-def]
     """into[x] = row[x - 1] + row[x] + row[x + 1], the borders replicated."""
     at, to = pointer(row), pointer(into)
@@ -202,7 +203,7 @@ def _add_beside(row, into, width, stride):  # type: ignore[no-untyped-def]
             store(to, x * stride + o, load(at, left + o) + load(at, x * stride + o) + load(at, right + o))
 
 
-@numba.njit(cache=True)
+@kernel
 def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore[no-untyped-def]
     """Sum of the matching costs of the 3x3 pixels around each pixel of row y; rows must come from 0 on, one by one."""
     for new in range(0 if y == 0 else y + 1, min(y + 2, height)):
@@ -215,7 +216,7 @@ def _box_row(source, y, height, width, stride, raw, ring, into):  # type: ignore
         store(to, o, load(above, o) + load(here, o) + load(below, o))
 
 
-@numba.njit(cache=True)
+@kernel
 def _along_rows(cost, at, total, rows, width, stride, p1, penalty, line):  # type: ignore[no-untyped-def]
     """Paths from the left and from the right over a few rows of costs (from `at` on), summed into total.
 
@@ -236,7 +237,7 @@ def _along_rows(cost, at, total, rows, width, stride, p1, penalty, line):  # typ
                                   low[r], p1, penalty[r * width + x + backwards], chunks)
 
 
-@numba.njit(cache=True)
+@kernel
 def _clear_line(line, pixels, stride):  # type: ignore[no-untyped-def]
     """Zeros for `pixels` pixels, with a vector of large values before and after each."""
     room = stride + 2 * LANES
@@ -245,14 +246,14 @@ def _clear_line(line, pixels, stride):  # type: ignore[no-untyped-def]
         line[k * room + LANES:k * room + LANES + stride] = 0
 
 
-@numba.njit(cache=True)
+@kernel
 def _fill_volume(source, height, width, stride, raw, ring, volume):  # type: ignore[no-untyped-def]
     for y in range(height):
         into = volume[y * width * stride:(y + 1) * width * stride]
         _box_row(source, y, height, width, stride, raw, ring, into)
 
 
-@numba.njit(cache=True)
+@kernel
 def _paths_from_below(volume, height, width, stride, p1, penalties, line, into):  # type: ignore[no-untyped-def]
     room, chunks = stride + 2 * LANES, stride // LANES
     low = np.zeros(width, np.uint16)
@@ -266,7 +267,7 @@ def _paths_from_below(volume, height, width, stride, p1, penalties, line, into):
                               penalty[(y + 1) * width + x], chunks)
 
 
-@numba.njit(cache=True)
+@kernel
 def _smooth_view(  # type: ignore[no-untyped-def]
     source, volume, below, height, width, stride, disparities, p1, penalties, line, rows_line, costs, total, raw, ring,
     beside, barrier, winner, vertex,
@@ -313,7 +314,7 @@ def _smooth_view(  # type: ignore[no-untyped-def]
                 _vertices(beside.reshape(3, width), winner[pixels], disparities - 1, vertex[pixels])
 
 
-@numba.njit(cache=True)
+@kernel
 def _vertices(beside, winner, end, vertex):  # type: ignore[no-untyped-def]
     """vertex[x]: `symmetric_v` of the sums beside[0 .. 2, x], 0 at either end of the search range."""
     cost_below, cost_here, cost_above = beside[0], beside[1], beside[2]

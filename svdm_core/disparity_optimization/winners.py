@@ -7,6 +7,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Float32, Int32
+from ..kernels.compilation import kernel
 from ..kernels.vectors import smallest
 
 # Rows of `Winners.beside`: the costs one disparity below and above the winner, and at the ends of the slot's range.
@@ -52,7 +53,7 @@ class Winners:
         return winner, vertex
 
 
-@numba.njit(cache=True)
+@kernel
 def take_smallest(row, rows, block, k, first, start, subpixel, best, index, beside, nodes):  # type: ignore[no-untyped-def]
     """Let the block of node k compete, whose first disparity is `first`; `start` is the first of its slot.
 
@@ -76,7 +77,7 @@ def take_smallest(row, rows, block, k, first, start, subpixel, best, index, besi
         index[k] = first + lane
 
 
-@numba.njit(cache=True, inline='always')
+@kernel
 def symmetric_v(below: np.float32, best: np.float32, above: np.float32) -> np.float32:
     """Vertex of the V with equal slopes through three costs, the middle one the smallest: -0.5 .. 0.5 disparities.
 
@@ -87,7 +88,7 @@ def symmetric_v(below: np.float32, best: np.float32, above: np.float32) -> np.fl
     return np.float32(0.5) * (below - above) / slope if slope > 0 else np.float32(0)
 
 
-@numba.njit(cache=True)
+@kernel
 def _best_slot(best: Int32, k: int) -> int:
     winner = 0
     for slot in range(1, best.shape[0]):
@@ -96,7 +97,7 @@ def _best_slot(best: Int32, k: int) -> int:
     return winner
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _images(
     pixel: Int32, best: Int32, cost: Float32, index: Int32, beside: Float32, end: int, per_slot: int, winner: Int32,
     vertex: Float32,

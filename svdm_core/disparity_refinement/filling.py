@@ -5,6 +5,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Bool, Int32
+from ..kernels.compilation import kernel
 
 
 def fill_along_scanlines(disparity: Int32, valid: Bool) -> Int32:
@@ -18,7 +19,7 @@ def fill_along_scanlines(disparity: Int32, valid: Bool) -> Int32:
     return filled
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _fill(disparity: Int32, valid: Bool) -> None:
     height, width = disparity.shape
     for y in numba.prange(height):

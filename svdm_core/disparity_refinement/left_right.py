@@ -5,6 +5,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Bool, Int32
+from ..kernels.compilation import kernel
 
 
 def left_right_check(
@@ -17,7 +18,7 @@ def left_right_check(
     return _left_right_check(left, right, min_disparity, tau_lr)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _left_right_check(left: Int32, right: Int32, min_disparity: int, tau_lr: float) -> Bool:
     height, width = left.shape
     valid = np.empty((height, width), np.bool_)

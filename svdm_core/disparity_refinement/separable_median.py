@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from ..kernels.arrays import Bool, Float32, Int32
+from ..kernels.compilation import kernel
 from ..kernels.vectors import lane_sum, load, pointer, splat, store
 
 # float32 in a vector: labels are counted in whole vectors.
@@ -43,7 +44,7 @@ def separable_median(
     return medians, certain
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _medians(
     labels: Int32, lowest: int, bins: int, near: Float32, alike: Float32, error: np.float32, medians: Int32,
     certain: Bool,
@@ -56,7 +57,7 @@ def _medians(
             _medians_of_row(labels[y], lowest, bins, near, alike, error, columns, histogram, medians[y], certain[y])
 
 
-@numba.njit(cache=True)
+@kernel
 def _column_histograms(labels: Int32, y: int, lowest: int, bins: int, near: Float32, columns: Float32) -> None:
     """columns[x * bins + b]: weight of the pixels with label lowest + b above and below (y, x), and of itself."""
     height, width = labels.shape
@@ -69,7 +70,7 @@ def _column_histograms(labels: Int32, y: int, lowest: int, bins: int, near: Floa
             at[x * bins + there[x] - lowest] += weight
 
 
-@numba.njit(cache=True)
+@kernel
 def _medians_of_row(
     labels: Int32, lowest: int, bins: int, near: Float32, alike: Float32, error: np.float32, columns: Float32,
     histogram: Float32, medians: Int32, certain: Bool,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.arrays import Bool, Float32, Int32
+from ..kernels.compilation import kernel
 from .separable_median import separable_median
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
@@ -67,7 +68,7 @@ def weighted_median_of_disparity(
     return np.where(certain, medians, left_over)
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _surrounded(planes: NDArray[Any], factor: Any, margin: int, outside: Any) -> NDArray[Any]:
     """planes (C, H, W) times factor, with margins of `outside`: on the right one more vector, which kernels load."""
     channels, height, width = planes.shape
@@ -98,7 +99,7 @@ def _weight_scale(window: int) -> np.float32:
     return np.float32(2.0 ** (29 - (window**2 - 1).bit_length()))
 
 
-@numba.njit(cache=True, inline='always')
+@kernel
 def _exp_minus(x: np.float32) -> np.float32:
     """exp(-x) for 0 <= x, to 4e-6 absolutely: its cubic at x / 64, squared six times; no branch, no table."""
     y = min(x, _LARGEST_EXPONENT) * np.float32(1 / 64)
@@ -111,7 +112,7 @@ def _exp_minus(x: np.float32) -> np.float32:
     return e * e
 
 
-@numba.njit(cache=True)
+@kernel
 def _row_weights_grey(a: Float32, b: Float32, exponent: np.float32, scale: np.float32, weights: Int32) -> None:
     """Integer weights between pixels of two pieces of row: guide values over sigma_c (n,), `exponent` added."""
     for i in range(weights.size):
@@ -119,7 +120,7 @@ def _row_weights_grey(a: Float32, b: Float32, exponent: np.float32, scale: np.fl
         weights[i] = np.int32(_exp_minus(exponent + u * u) * scale + np.float32(0.5))
 
 
-@numba.njit(cache=True)
+@kernel
 def _row_weights_colour(
     a0: Float32, a1: Float32, a2: Float32, b0: Float32, b1: Float32, b2: Float32, exponent: np.float32,
     scale: np.float32, weights: Int32,
@@ -130,7 +131,7 @@ def _row_weights_colour(
         weights[i] = np.int32(_exp_minus(exponent + (u * u + v * v + w * w)) * scale + np.float32(0.5))
 
 
-@numba.njit(cache=True)
+@kernel
 def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equal: Int32) -> None:
     """Add each weight to `equal` where the labels agree, else with its sign to `balance`."""
     for i in range(weights.size):
@@ -139,7 +140,7 @@ def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equ
         equal[i] += np.int32(other == label) * weight
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scale: np.float32, settled: Bool) -> None:
     """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
 
@@ -167,7 +168,7 @@ def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scal
             settled[y, x] = -equal[x] < balance[x] <= equal[x]
 
 
-@numba.njit(cache=True, parallel=True, nogil=True)
+@kernel(parallel=True)
 def _search(
     labels: Int32, guide: Float32, pixels: NDArray[np.int64], exponents: Float32, window: int, scale: np.float32,
     result: Int32,
@@ -188,7 +189,7 @@ def _search(
             result[y, x] = _median(near, weights, labels[y + r, x + r])
 
 
-@numba.njit(cache=True)
+@kernel
 def _window_labels(labels: Int32, y: int, x: int, exponents: Float32, near: Int32) -> None:
     rows, columns = exponents.shape
     for i in range(rows):
@@ -197,7 +198,7 @@ def _window_labels(labels: Int32, y: int, x: int, exponents: Float32, near: Int3
             to[k] = source[k]
 
 
-@numba.njit(cache=True)
+@kernel
 def _window_weights_grey(
     guide: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32, weights: Int32,
 ) -> None:
@@ -211,7 +212,7 @@ def _window_weights_grey(
             to[k] = np.int32(_exp_minus(exponent[k] + u * u) * scale + np.float32(0.5))
 
 
-@numba.njit(cache=True)
+@kernel
 def _window_weights_colour(
     g0: Float32, g1: Float32, g2: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32,
     weights: Int32,
@@ -227,7 +228,7 @@ def _window_weights_colour(
             to[k] = np.int32(_exp_minus(exponent[k] + (u * u + v * v + w * w)) * scale + np.float32(0.5))
 
 
-@numba.njit(cache=True)
+@kernel
 def _weight_up_to(near: Int32, weights: Int32, label: int) -> np.int32:
     total = np.int32(0)
     for i in range(near.size):
@@ -235,7 +236,7 @@ def _weight_up_to(near: Int32, weights: Int32, label: int) -> np.int32:
     return total
 
 
-@numba.njit(cache=True)
+@kernel
 def _median(near: Int32, weights: Int32, guess: int) -> np.int32:
     """Smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
     highest = np.int32(0)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import hashlib
 import logging
 import os
@@ -27,19 +28,12 @@ _KEPT_SECONDS = 30 * 24 * 3600
 """How long the folder of other sources is left alone after its last use: it may be that of another installation."""
 
 
-@contextlib.contextmanager
-def kernel_cache() -> Iterator[None]:
-    """Around the import of the modules with kernels: numba settles where a kernel is cached when it is decorated."""
-    before = _SETTINGS.CACHE_DIR
-    _SETTINGS.CACHE_DIR = str(_folder())
-    try:
-        yield
-    finally:
-        _SETTINGS.CACHE_DIR = before
+@functools.cache
+def cache_folder() -> Path:
+    """The folder for the sources as they are, in the first place that can be written, else a temporary one.
 
-
-def _folder() -> Path:
-    """The folder for the sources as they are, in the first place that can be written, else a temporary one."""
+    Settled once in a process, so that all kernels are in one place.
+    """
     name = _PREFIX + fingerprint()
     places = list(_places())
     for place in places:

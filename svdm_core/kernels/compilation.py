@@ -1,0 +1,42 @@
+"""How kernels are compiled: one decorator, so that all of them have the same target, options and cache."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast, overload
+
+import numba
+
+from .cache import cache_folder
+
+_SETTINGS: Any = numba.config  # comes without types
+
+THREADS: int = _SETTINGS.NUMBA_NUM_THREADS
+"""The most that run a parallel kernel: one for each core, or what NUMBA_NUM_THREADS in the environment says.
+
+numba starts them when the first parallel kernel is called, and earlier where it is asked for their number.
+"""
+
+
+@overload
+def kernel[Function: Callable[..., Any]](function: Function, /) -> Function: ...
+
+
+@overload
+def kernel[Function: Callable[..., Any]](*, parallel: bool) -> Callable[[Function], Function]: ...
+
+
+def kernel(function: Callable[..., Any] | None = None, /, *, parallel: bool = False) -> Any:
+    """`@kernel`, or `@kernel(parallel=True)` where its `numba.prange` loops are to run on all threads.
+
+    The function is compiled at its first call with arguments of new types, or loaded from the cache. It runs without
+    the GIL. LLVM decides what is inlined.
+    """
+    def decorate[Function: Callable[..., Any]](function: Function) -> Function:
+        before = _SETTINGS.CACHE_DIR
+        _SETTINGS.CACHE_DIR = str(cache_folder())  # numba settles where a kernel is cached when it is decorated
+        try:
+            return cast(Function, numba.njit(cache=True, nogil=True, parallel=parallel)(function))
+        finally:
+            _SETTINGS.CACHE_DIR = before
+
+    return decorate if function is None else decorate(function)
