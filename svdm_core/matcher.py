@@ -1,38 +1,28 @@
 """The stereo matcher: the paper's four stages in order."""
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import threading
-import time
-from collections.abc import Iterator
 from typing import Any
 
-import cv2
-import numba
 import numpy as np
 
-from .cost_aggregation.spanning_forest import SpanningTrees
-from .cost_aggregation.tree import ForestNodes, aggregate, aggregate_volume
-from .disparity_optimization.penalties import fill_penalties, penalties_shape
-from .disparity_optimization.semiglobal import cost_factor, padded, scaled_penalties, scratch_size, semiglobal_winners
+from .disparity_refinement.refinement import Refinement
+from .exact_route import ExactRoute
+from .kernels.arrays import Bool, Float32, Image
+from .kernels.stripes import block_count
+from .matching_cost.preparation import PairImages, fill_levels, images_of
 from .disparity_optimization.winners import Winners
-from .disparity_refinement.left_right import left_right_check
-from .disparity_refinement.refinement import refine
-from .kernels.arrays import Bool, Float32, Image, Int32, Uint8, aligned_zeros
-from .kernels.compilation import THREADS
-from .matching_cost.planes import BLOCK, MatchingPlanes
 from .parameters import MatcherParameters
+from .phases import Crew, Phase, StageClock
+from .stripe_route import StripeRoute
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
 
-# Most that the costs in work may take, where one block of either view takes less: memory must not grow with the cores.
-_COST_BYTES = 256 * 2**20
-
 # Settings that between them run every kernel.
 _ALL_STAGES: tuple[dict[str, Any], ...] = (
-    {'aggregation': 'tree'}, {'aggregation': 'tree', 'p2': 1.0}, {'aggregation': 'box', 'p2': 1.0})
+    {'p2': 0.0, 'median_scope': 'all'}, {}, {'aggregation': 'box', 'paths': 3}, {'aggregation': 'box', 'paths': 4})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -50,7 +40,7 @@ class DisparityResult:
 
 
 class StereoMatcher:
-    """Dense disparity of a rectified pair, the left image as reference: d = x_left - x_right >= 0.
+    """Dense disparity of a rectified pair, the left image as reference: d = x_left - x_right.
 
     `parameters` may be exchanged between frames. `threads` is the number of threads, 0 for all cores;
     the result does not depend on it. Buffers are kept from frame to frame, so use one matcher for one
@@ -63,7 +53,9 @@ class StereoMatcher:
             raise ValueError(f'threads = {threads!r} is not allowed: it must be an integer, 0 (all cores) or more')
         self.parameters = parameters or MatcherParameters()
         self.threads = threads
-        self._buffers: _Buffers | None = None
+        self._crew = Crew()
+        self._images: PairImages | None = None
+        self._kept: dict[type, tuple[tuple[object, ...], Any]] = {}
 
     def compute(self, left: Image, right: Image) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
@@ -72,153 +64,52 @@ class StereoMatcher:
         """
         left, right = _checked(left, right)
         with _KERNELS:
-            numba.set_num_threads(min(self.threads or THREADS, THREADS))
             return self._compute(left, right, self.parameters)
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
-        small = [np.zeros((4, 6), depth) for depth in (np.uint8, np.uint16)]
         for stages in _ALL_STAGES:
-            matcher = StereoMatcher(MatcherParameters(num_disparities=2, median_scope='all', **stages), self.threads)
-            for image in small:
-                matcher.compute(image, image)
+            matcher = StereoMatcher(self.parameters.replace(**stages), self.threads)
+            for shape in ((4, 6), (4, 6, 3)):
+                for depth in (np.uint8, np.uint16):
+                    matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
 
-    def _compute(
-        self, left: Image, right: Image, parameters: MatcherParameters
-    ) -> DisparityResult:
-        clock = _StageClock()
-        buffers = self._buffers_for(left, parameters)
-        if parameters.aggregation == 'tree':
-            winner, vertex = self._along_trees(left, right, parameters, buffers, clock)
-        else:
-            winner, vertex = self._in_boxes(left, right, parameters, buffers, clock)
-        with clock.stage('disparity_refinement'):
-            valid = left_right_check(winner[0], winner[1], parameters.min_disparity, parameters.tau_lr)
-            disparity = refine(winner[0], vertex if parameters.subpixel else None, valid, left, parameters)
+    def _compute(self, left: Image, right: Image, parameters: MatcherParameters) -> DisparityResult:
+        clock = StageClock()
+        images = self._prepare(left, right, clock)
+        winners = self._match(images, parameters, clock)
+        refinement = self._keep(Refinement, Refinement.layout(left.shape, parameters), left.shape, parameters)
+        disparity, valid = refinement.run(winners, images, parameters, self._crew, clock)
         return DisparityResult(disparity, valid, clock.milliseconds())
 
-    def _along_trees(
-        self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
-    ) -> tuple[Int32, Float32]:
-        """Stages 1 to 3 with the paper's aggregation: winners of both views, sub-pixel offsets of the left."""
-        shape = left.shape[:2]
-        trees, nodes, planes = buffers.trees, buffers.nodes, buffers.planes
-        with clock.stage('spanning_forest'):
-            # The costs are not needed yet; what is left there, small integers, are finite floats.
-            scratch = buffers.scratch[:, 0].view(np.int32)
-            trees.build(_tree_guide(left, parameters), _tree_guide(right, parameters)[:, ::-1], scratch)
-        with clock.stage('matching_cost'):
-            planes.fill(left, right, parameters.gradient)
-            nodes.gather(trees, planes, shape[1], parameters)
-        if parameters.p2 == 0:
-            with clock.stage('cost_aggregation'):
-                aggregate(trees, nodes, planes, parameters, buffers.scratch, buffers.winners)
-            with clock.stage('disparity_optimization'):
-                return buffers.winners.images(trees.pixel, shape, parameters.num_disparities, buffers.layout.per_slot)
-        with clock.stage('cost_aggregation'):
-            aggregate_volume(trees, nodes, planes, parameters, buffers.scratch, cost_factor(parameters),
-                             padded(parameters.num_disparities), buffers.volume)
-        with clock.stage('disparity_optimization'):
-            return _smoothed(left, right, parameters, buffers)
+    def _prepare(self, left: Image, right: Image, clock: StageClock) -> PairImages:
+        """Grey levels of 8 bits, which do not depend on the depth of the images."""
+        self._crew.gather(self.threads)
+        scale = 0.0, 1 / 255 if left.dtype == np.uint8 else 1 / 65535
+        self._images = images = images_of(left, right, scale, self._images)
+        clock.work(self._crew, [Phase('matching_cost', 2 * block_count(left.shape[0]), fill_levels, (images,))])
+        return images
 
-    def _in_boxes(
-        self, left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers, clock: _StageClock
-    ) -> tuple[Int32, Float32]:
-        """The same with 3x3 boxes, which are summed up while the rows are smoothed."""
-        with clock.stage('matching_cost'):
-            buffers.planes.fill(left, right, parameters.gradient)
-            buffers.nodes.gather_pixels(buffers.planes, left.shape[1])
-        with clock.stage('disparity_optimization'):
-            return _smoothed(left, right, parameters, buffers)
+    def _match(self, images: PairImages, parameters: MatcherParameters, clock: StageClock) -> Winners:
+        """Stages 1 to 3: with the exact tree where the paper's equations are asked for, else by stripes."""
+        shape = images.left.shape
+        if parameters.aggregation == 'tree' and parameters.p2 == 0:
+            layout = ExactRoute.layout(shape, parameters, self._crew.threads)
+            exact = self._keep(ExactRoute, layout, shape, parameters, self._crew.threads)
+            return exact.run(images, parameters, self._crew, clock)
+        route = self._keep(StripeRoute, StripeRoute.layout(shape, parameters), shape, parameters)
+        clock.work(self._crew, route.phases(images, parameters))
+        return route.result()
 
-    def _buffers_for(self, image: Image, parameters: MatcherParameters) -> _Buffers:
+    def _keep(self, kind: type, layout: tuple[object, ...], *arguments: Any) -> Any:
         """The last frame's buffers where they fit, else new ones."""
-        layout = _Layout.of(image.shape, parameters)
-        if self._buffers is None or self._buffers.layout != layout:
-            self._buffers = None  # free the old ones before the new ones are made
-            self._buffers = _Buffers(layout)
-        return self._buffers
-
-
-def _slots(nodes: int, num_disparities: int) -> int:
-    """Ranges of disparities in work side by side: one for each two threads, as long as they fit into _COST_BYTES."""
-    blocks = -(-num_disparities // BLOCK)
-    fitting = _COST_BYTES // (2 * nodes * BLOCK * 4)
-    wanted = max(1, min(numba.get_num_threads() // 2, blocks, fitting))
-    return -(-blocks // -(-blocks // wanted))  # none of them empty
-
-
-@dataclasses.dataclass(frozen=True)
-class _Layout:
-    """What the sizes of the buffers follow from."""
-
-    shape: tuple[int, ...]
-    min_disparity: int
-    num_disparities: int
-    census: bool
-    subpixel: bool
-    slots: int
-    tree: bool
-    volume: bool
-    from_below: bool
-
-    @classmethod
-    def of(cls, shape: tuple[int, ...], parameters: MatcherParameters) -> _Layout:
-        """The layout for images of `shape`."""
-        tree, smooth = parameters.aggregation == 'tree', parameters.p2 > 0
-        from_below = smooth and parameters.paths == 4
-        slots = _slots(shape[0] * shape[1], parameters.num_disparities)
-        return cls(shape, parameters.min_disparity, parameters.num_disparities, parameters.census_weight > 0,
-                   parameters.subpixel, slots, tree, (tree and smooth) or from_below, from_below)
-
-    @property
-    def per_slot(self) -> int:
-        """Disparities of one slot, whole blocks."""
-        return -(-self.num_disparities // (self.slots * BLOCK)) * BLOCK
-
-
-class _Buffers:
-    """Scratch kept from frame to frame.
-
-    Without semi-global optimisation all disparities never exist at once: with S slots, each view takes
-    S * BLOCK / D of a cost volume. Semi-global optimisation after the tree stores the volume in 16 bits, and the path
-    from below another.
-    """
-
-    def __init__(self, layout: _Layout) -> None:
-        nodes = layout.shape[0] * layout.shape[1]
-        tree_nodes = nodes if layout.tree else 0
-        stride = padded(layout.num_disparities)
-        self.layout = layout
-        end = layout.min_disparity + max(layout.slots * layout.per_slot, stride)
-        self.planes = MatchingPlanes.empty(layout.shape, end, layout.census)
-        self.trees = SpanningTrees.empty(layout.shape if layout.tree else (0, 0))
-        self.nodes = ForestNodes.empty(self.planes, nodes)
-        self.scratch = aligned_zeros((2, layout.slots, tree_nodes * BLOCK), np.float32)
-        self.winners = Winners.empty(layout.slots, 0 if layout.volume else tree_nodes, layout.subpixel)
-        self.volume = aligned_zeros((2, nodes * stride if layout.volume else 0), np.uint16)
-        rows = 0 if layout.tree and not layout.volume else scratch_size(layout.shape[1], layout.num_disparities)
-        self.lines = aligned_zeros((2, rows), np.uint16)
-        smooth = rows > 0
-        self.penalties = np.zeros(penalties_shape(*layout.shape[:2]) if smooth else (2, 2, 0), np.uint16)
-        self.below = aligned_zeros((2, nodes * stride if layout.from_below else 0), np.uint16)
-
-
-class _StageClock:
-    """Adds up the time spent in each stage."""
-
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
-
-    @contextlib.contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
-
-    def milliseconds(self) -> dict[str, float]:
-        stages = {name: 1e3 * seconds for name, seconds in self._seconds.items()}
-        return {**stages, 'total': sum(stages.values())}
+        kept, value = self._kept.get(kind, (None, None))
+        if kept != layout:
+            self._kept.pop(kind, None)  # free the old ones before the new ones are made
+            value = None
+            value = kind(*arguments)
+            self._kept[kind] = layout, value
+        return value
 
 
 def _checked(
@@ -237,20 +128,3 @@ def _checked(
                          'must have the same shape and dtype')
     # numba compiles anew for read-only arrays, which messages give: a copy is cheaper.
     return np.require(left, requirements=('C', 'W')), np.require(right, requirements=('C', 'W'))
-
-
-def _smoothed(left: Image, right: Image, parameters: MatcherParameters, buffers: _Buffers) -> tuple[Int32, Float32]:
-    penalties = buffers.penalties
-    fill_penalties(_in_8_bit(left), _in_8_bit(right), *scaled_penalties(parameters), parameters.p2_edge, penalties)
-    return semiglobal_winners(buffers.nodes, buffers.planes, parameters, left.shape[:2], buffers.volume, buffers.below,
-                              buffers.lines, penalties)
-
-
-def _in_8_bit(image: Image) -> Uint8:
-    return (image >> 8).astype(np.uint8) if image.dtype == np.uint16 else image
-
-
-def _tree_guide(image: Image, parameters: MatcherParameters) -> Uint8:
-    """The image the tree is built on: 8 bit, so that an edge weighs 0..255 grey levels, smoothed if wanted."""
-    guide = _in_8_bit(image)
-    return guide if parameters.guide_blur == 1 else np.asarray(cv2.medianBlur(guide, parameters.guide_blur), np.uint8)

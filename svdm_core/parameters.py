@@ -110,7 +110,7 @@ class MatcherParameters:
     """
 
     min_disparity: int = _parameter(
-        0, 'smallest disparity searched', unit='px', minimum=0, maximum=1024)
+        0, 'smallest disparity searched; below 0 for verged cameras', unit='px', minimum=-1024, maximum=1024)
     num_disparities: int = _parameter(
         64, 'number of disparities searched, from min_disparity up', unit='px', minimum=1, maximum=1024)
     gradient: str = _parameter(
@@ -149,6 +149,9 @@ class MatcherParameters:
     paths: int = _parameter(
         4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
         minimum=3, maximum=4)
+    right_rows: int = _parameter(
+        2, 'the left-right check matches every n-th row of the right view; 1 is all rows', unit='rows',
+        minimum=1, maximum=4)
     tau_lr: float = _parameter(
         1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0)
     median_scope: str = _parameter(

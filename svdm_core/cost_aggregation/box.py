@@ -1,33 +1,23 @@
 """Stage 2 by boxes: the support of a pixel is the 3x3 pixels around it, summed up row by row as they are needed."""
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..kernels.arrays import Uint8
 from ..kernels.compilation import kernel
+from ..kernels.stripes import Rows
 from ..kernels.vectors import pointer
 from ..kernels.wide import UNIT, Lanes, add_saturated, load_wide, shift_right, splat_wide, store_wide
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
 from ..matching_cost.census import BITS
+from ..parameters import MatcherParameters
+from ..phases import Phase
+from .aggregation import StripeAggregation, View
 
 PIXEL_COST = BITS
 """The largest cost of two pixels, so that census distances need no scaling."""
 
-LARGEST = 64
-"""The largest sum as it is stored: nine costs, cut off at 255, over 4. The nearest bits above a mean of 28 of 34
-differing bits are lost; where two pixels show the same thing, a third as many differ."""
-
-
-class Rows(NamedTuple):
-    """The rows of a view that are matched: image row `offset + every * y` is row y of `height`."""
-
-    height: int
-    width: int
-    every: int
-    offset: int
-
+_PAIR = (0, 0)
 
 @kernel
 def box_row(costs: ByteCosts, view: int, rows: Rows, y: int, known: int, ring: Uint8, into: Uint8, lanes: Lanes) -> int:
@@ -60,8 +50,25 @@ def _sum_beside(costs: ByteCosts, view: int, rows: Rows, y: int, into: Uint8, la
 
 @kernel
 def _sum_above(above: Uint8, here: Uint8, below: Uint8, size: int, to: Uint8) -> None:
-    half = splat_wide(np.uint8(2), (0,))
-    for o in range(0, size, UNIT):
-        total = add_saturated(add_saturated(load_wide(above, o, (0,)), load_wide(below, o, (0,))),
-                              add_saturated(load_wide(here, o, (0,)), half))
+    half = splat_wide(np.uint8(2), _PAIR)
+    for o in range(0, size, UNIT * len(_PAIR)):
+        total = add_saturated(add_saturated(load_wide(above, o, _PAIR), load_wide(below, o, _PAIR)),
+                              add_saturated(load_wide(here, o, _PAIR), half))
         store_wide(to, o, shift_right(total, 2))
+
+
+class BoxAggregation(StripeAggregation):
+    """The 3x3 box around a pixel, which stage 3 sums up while it smooths (`box_row`): no volume, nothing to do before.
+
+    Nine costs are cut off at 255 and divided by 4. Lost are costs above a mean of 28 of 34 differing bits, which do
+    not win: where two pixels show different things, 17 differ.
+    """
+
+    pixel_cost = PIXEL_COST
+    full_cost = 9 * PIXEL_COST / 4
+
+    def __init__(self, view: View) -> None:
+        super().__init__(view._replace(rows=view.rows._replace(height=0)))
+
+    def phases(self, costs: ByteCosts, levels: Uint8, parameters: MatcherParameters) -> list[Phase]:
+        return []

@@ -17,7 +17,7 @@ from ..kernels.compilation import kernel
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 
 # Nodes that `_breadth_first` may write behind the last one.
-_SPARE = 3
+SPARE = 3
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -43,9 +43,9 @@ class SpanningTrees:
         """Room for the trees of guides of `shape`, (H, W) or (H, W, C)."""
         height, width = shape[:2]
         nodes = height * width
-        room = np.zeros((2, 2, nodes + _SPARE), np.int32)
+        room = np.zeros((2, 2, nodes + SPARE), np.int32)
         return cls(room[:, 0, :nodes], room[:, 1, :nodes], np.zeros((2, nodes), np.uint8), room,
-                   np.zeros((2, 2, nodes + _SPARE), np.uint8), np.zeros((2, 2, height, width), np.uint8))
+                   np.zeros((2, 2, nodes + SPARE), np.uint8), np.zeros((2, 2, height, width), np.uint8))
 
     def build(self, left: Uint8, right: Uint8, scratch: Int32 | None = None) -> None:
         """From two guides, uint8 (H, W) or (H, W, C). scratch: int32 (2, 3 N or more), made where there is none."""
@@ -175,11 +175,11 @@ def _spanning_trees(
     planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:
     for view in numba.prange(planes.shape[0]):
-        _spanning_tree(planes[view], room[view], weight[view], scratch[view], links[view], weights[view])
+        build_tree(planes[view], room[view], weight[view], scratch[view], links[view], weights[view])
 
 
 @kernel
-def _spanning_tree(planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
+def build_tree(planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
     """room: pixel and parent; links: links and the directions back to the parent."""
     nodes, width = weight.size, planes.shape[2]
     edges, above = scratch[:2 * nodes], scratch[2 * nodes:3 * nodes]

@@ -3,10 +3,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from ..kernels.arrays import Uint8
+from ..kernels.arrays import Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.stripes import BLOCK, Rows
+from ..kernels.tasks import take
 
 
 class Penalties(NamedTuple):
@@ -28,39 +31,57 @@ class Penalties(NamedTuple):
     down: Uint8
 
 
-@kernel
-def fill_penalties(penalties: Penalties, view: int, levels: Uint8, row: int, above: int, y: int) -> None:
-    """Row y of one view: image row `row` of levels, uint8 (C, H, W), its neighbour above is image row `above`."""
-    width = levels.shape[2]
-    edges = np.empty((2, width), np.uint8)
-    edges[0, 0] = 0
-    for x in range(1, width):
-        edges[0, x] = _difference(levels[0, row, x], levels[0, row, x - 1])
-    for x in range(width):
-        edges[1, x] = _difference(levels[0, row, x], levels[0, above, x])
-    for c in range(1, levels.shape[0]):
-        for x in range(1, width):
-            edges[0, x] = max(edges[0, x], _difference(levels[c, row, x], levels[c, row, x - 1]))
-        for x in range(width):
-            edges[1, x] = max(edges[1, x], _difference(levels[c, row, x], levels[c, above, x]))
-    first = y * width
-    p1, p2 = (penalties.p1_right, penalties.p2_right) if view == 1 else (penalties.p1_left, penalties.p2_left)
-    _look_up(edges[0], view == 1, 1, p1, p2, penalties.p2_edge, penalties.across[view, first:first + width])
-    _look_up(edges[1], view == 1, 0, p1, p2, penalties.p2_edge, penalties.down[view, first:first + width])
-
-
-@kernel
-def _difference(a: np.uint8, b: np.uint8) -> np.uint8:
-    return np.uint8(max(a, b) - min(a, b))
-
-
-@kernel
-def _look_up(
-    edges: Uint8, mirrored: bool, shift: int, p1: np.uint8, p2: np.float32, p2_edge: np.float32, to: Uint8
+@kernel(parallel=True)
+def fill_penalty_blocks(
+    counter: Int64, end: int, arenas: Uint8, penalties: Penalties, levels: Uint8, left: Rows, right: Rows
 ) -> None:
-    """shift: 1 where an edge lies before its pixel, which a mirror puts behind it."""
-    width = edges.size
-    for x in range(width):
-        edge = np.float32(edges[min(width - 1 - x + shift, width - 1) if mirrored else x])
-        weight = np.float32(1) + (edge / p2_edge if p2_edge > 0 else np.float32(0))
-        to[x] = np.uint8(min(max(np.rint(p2 / weight), np.float32(p1)), np.float32(255)))
+    """Blocks of BLOCK rows of the left view, then of the right one; levels: uint8 (2, C, H, W), not mirrored."""
+    for _ in numba.prange(arenas.shape[0]):
+        task = take(counter)
+        while task < end:
+            _fill_block(task, penalties, levels, left, right)
+            task = take(counter)
+
+
+@kernel
+def _fill_block(task: int, penalties: Penalties, levels: Uint8, left: Rows, right: Rows) -> None:
+    blocks = (left.height + BLOCK - 1) // BLOCK
+    view = 0 if task < blocks else 1
+    rows = left if view == 0 else right
+    first = (task - view * blocks) * BLOCK
+    for y in range(first, min(first + BLOCK, rows.height)):
+        row = rows.offset + rows.every * y
+        _fill_row(penalties, view, levels[view], row, max(row - rows.every, 0), y)
+
+
+@kernel
+def _fill_row(penalties: Penalties, view: int, levels: Uint8, row: int, above: int, y: int) -> None:
+    """Row y of a view: image row `row` of levels, uint8 (C, H, W), whose neighbour above is image row `above`."""
+    width = levels.shape[2]
+    across, down = np.zeros(width + 1, np.uint8), np.zeros(width, np.uint8)
+    for c in range(levels.shape[0]):
+        _raise_to_difference(levels[c, row, 1:], levels[c, row, :-1], across[1:width])
+        _raise_to_difference(levels[c, row], levels[c, above], down)
+    p1, p2 = (penalties.p1_left, penalties.p2_left) if view == 0 else (penalties.p1_right, penalties.p2_right)
+    pixels = slice(y * width, (y + 1) * width)
+    to = penalties.across[view, pixels], penalties.down[view, pixels]
+    if view == 1:  # the step before a pixel is the one behind it, seen in a mirror
+        across, down = across[1:][::-1], down[::-1]
+    else:
+        across, down = across[:-1][::1], down[::1]
+    _look_up(across, p1, p2, penalties.p2_edge, to[0])
+    _look_up(down, p1, p2, penalties.p2_edge, to[1])
+
+
+@kernel
+def _raise_to_difference(a: Uint8, b: Uint8, edges: Uint8) -> None:
+    for x in range(edges.size):
+        edges[x] = max(edges[x], np.uint8(max(a[x], b[x]) - min(a[x], b[x])))
+
+
+@kernel
+def _look_up(edges: Uint8, p1: np.uint8, p2: np.float32, p2_edge: np.float32, to: Uint8) -> None:
+    slope = np.float32(1) / p2_edge if p2_edge > 0 else np.float32(0)
+    least, most = np.float32(p1), np.float32(255)
+    for x in range(to.size):
+        to[x] = np.uint8(min(max(np.rint(p2 / (np.float32(1) + np.float32(edges[x]) * slope)), least), most))

@@ -1,14 +1,15 @@
 """Stage 3, disparity optimisation: the winner takes all (eq 14), kept up while blocks of disparities come in."""
 from __future__ import annotations
 
-import dataclasses
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 
-from ..kernels.arrays import Float32, Int32
+from ..kernels.arrays import Float32, Int16, Int32
 from ..kernels.compilation import kernel
-from ..kernels.vectors import smallest
+from ..kernels.vectors import pointer, smallest
+from ..matching_cost.float_costs import BLOCK
 
 # Rows of `Winners.beside`: the costs one disparity below and above the winner, and at the ends of the slot's range.
 _BELOW, _ABOVE, _FIRST, _LAST = range(4)
@@ -17,8 +18,17 @@ _BELOW, _ABOVE, _FIRST, _LAST = range(4)
 _CHUNK = 4096
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Winners:
+class Winners(NamedTuple):
+    """What stages 1 to 3 give: left int16 (H, W), right int16 (rows, W), mirrored, disparity - min_disparity; row y of
+    the left view meets row y // every of the right one. vertex: float32 (H, W), sub-pixel part, or (0, 0)."""
+
+    left: Int16
+    right: Int16
+    every: int
+    vertex: Float32
+
+
+class BestSoFar(NamedTuple):
     """The best disparity of each node so far, in each of several ranges of disparities (slots) that run side by side.
 
     best: int32 (2, slots, N), bits of the smallest float32 cost >= 0, which order like the costs.
@@ -31,50 +41,68 @@ class Winners:
     index: Int32
     beside: Float32
 
-    @classmethod
-    def empty(cls, slots: int, nodes: int, subpixel: bool = True) -> Winners:
-        """Room for two views of `nodes` nodes; the first block of a slot overwrites what was there before."""
-        best, index = np.zeros((2, 2, slots, nodes), np.int32)
-        return cls(best, index, np.zeros((slots, 4, nodes if subpixel else 0), np.float32))
 
-    def images(
-        self, pixel: Int32, shape: tuple[int, int], num_disparities: int, per_slot: int
-    ) -> tuple[Int32, Float32]:
-        """The result in image order: winners and the left view's sub-pixel offsets.
+def empty_best(slots: int, nodes: int, subpixel: bool = True) -> BestSoFar:
+    """Room for two views of `nodes` nodes; the first block of a slot overwrites what was there before."""
+    best, index = np.zeros((2, 2, slots, nodes), np.int32)
+    return BestSoFar(best, index, np.zeros((slots, 4, nodes if subpixel else 0), np.float32))
 
-        pixel: int32 (2, N), pixel of each node, the right view's mirrored. per_slot: disparities of a slot. Returns
-        int32 (2, H, W), disparity - min_disparity, the right view still mirrored; and float32 (H, W), `symmetric_v` of
-        the winner's cost and its neighbours', -0.5 .. 0.5 px, 0 at the ends of the search range.
-        """
-        winner = np.empty((2, *shape), np.int32)
-        vertex = np.empty(shape, np.float32)
-        _images(pixel, self.best, self.best.view(np.float32), self.index, self.beside, num_disparities - 1, per_slot,
-                winner.reshape(2, -1), vertex.reshape(-1))
-        return winner, vertex
+
+def winners_of(
+    winners: BestSoFar, pixel: Int32, shape: tuple[int, int], num_disparities: int, per_slot: int
+) -> tuple[Int16, Int16, Float32]:
+    """The result in image order: winners of both views, and the left view's sub-pixel offsets.
+
+    pixel: int32 (2, N), pixel of each node, the right view's mirrored. per_slot: disparities of a slot. Returns
+    int16 (H, W) twice, disparity - min_disparity, the right view still mirrored; and float32 (H, W), `symmetric_v` of
+    the winner's cost and its neighbours', -0.5 .. 0.5 px, 0 at the ends of the search range.
+    """
+    winner = np.empty((2, *shape), np.int16)
+    vertex = np.empty(shape, np.float32)
+    _images(pixel, winners, winners.best.view(np.float32), num_disparities - 1, per_slot, winner.reshape(2, -1),
+            vertex.reshape(-1))
+    return winner[0], winner[1], vertex
+
+
+class SlotPointers(NamedTuple):
+    """`BestSoFar` of one slot of one view as pointers; start: its first disparity, nodes: how many there are."""
+
+    best: Any
+    index: Any
+    beside: Any
+    nodes: int
+    start: int
+    subpixel: bool
 
 
 @kernel
-def take_smallest(row, rows, block, k, first, start, subpixel, best, index, beside, nodes):  # type: ignore[no-untyped-def]
-    """Let the block of node k compete, whose first disparity is `first`; `start` is the first of its slot.
+def slot_pointers(winners: BestSoFar, view: int, slot: int, start: int, subpixel: bool) -> SlotPointers:
+    """One slot of one view; subpixel: whether the costs beside the winner are kept."""
+    return SlotPointers(pointer(winners.best[view, slot]), pointer(winners.index[view, slot]),
+                        pointer(winners.beside[slot]), winners.best.shape[2], start, subpixel)
 
-    row: its costs as a vector, infinite behind the search range. rows: pointer to where they lie from k * block on.
-    best, index, beside: pointers to those of `Winners`, one slot of one view.
+
+@kernel
+def take_smallest(row: Any, rows: Any, k: int, first: int, kept: SlotPointers) -> None:
+    """Let the block of node k compete, whose first disparity is `first`.
+
+    row: its costs as a vector, infinite behind the search range. rows: pointer to where they lie from k * BLOCK on.
     """
     least, lane = smallest(row)
-    here = k * block
-    wins = first == start or least < best[k]
-    if subpixel:
-        if first == start:
+    here, nodes, beside = k * BLOCK, kept.nodes, kept.beside
+    wins = first == kept.start or least < kept.best[k]
+    if kept.subpixel:
+        if first == kept.start:
             beside[_FIRST * nodes + k] = rows[here]
-        elif index[k] == first - 1:
+        elif kept.index[k] == first - 1:
             beside[_ABOVE * nodes + k] = rows[here]
         if wins:
             beside[_BELOW * nodes + k] = rows[here + lane - 1] if lane > 0 else beside[_LAST * nodes + k]
-            beside[_ABOVE * nodes + k] = rows[here + min(lane + 1, block - 1)]
-        beside[_LAST * nodes + k] = rows[here + block - 1]
+            beside[_ABOVE * nodes + k] = rows[here + min(lane + 1, BLOCK - 1)]
+        beside[_LAST * nodes + k] = rows[here + BLOCK - 1]
     if wins:
-        best[k] = least
-        index[k] = first + lane
+        kept.best[k] = least
+        kept.index[k] = first + lane
 
 
 @kernel
@@ -99,20 +127,24 @@ def _best_slot(best: Int32, k: int) -> int:
 
 @kernel(parallel=True)
 def _images(
-    pixel: Int32, best: Int32, cost: Float32, index: Int32, beside: Float32, end: int, per_slot: int, winner: Int32,
-    vertex: Float32,
+    pixel: Int32, winners: BestSoFar, cost: Float32, end: int, per_slot: int, winner: Int16, vertex: Float32
 ) -> None:
-    nodes, slots = pixel.shape[1], best.shape[1]
+    nodes = pixel.shape[1]
     for chunk in numba.prange(-(-nodes // _CHUNK)):
         for k in range(chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)):
-            winner[1, pixel[1, k]] = index[1, _best_slot(best[1], k), k]
-            slot = _best_slot(best[0], k)
-            d = index[0, slot, k]
+            winner[1, pixel[1, k]] = winners.index[1, _best_slot(winners.best[1], k), k]
+            slot = _best_slot(winners.best[0], k)
+            d = winners.index[0, slot, k]
             winner[0, pixel[0, k]] = d
-            offset = np.float32(0)
-            if 0 < d < end and beside.shape[2] > 0:
-                at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < slots - 1
-                below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
-                above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]
-                offset = symmetric_v(below, cost[0, slot, k], above)
-            vertex[pixel[0, k]] = offset
+            inside = 0 < d < end and winners.beside.shape[2] > 0
+            vertex[pixel[0, k]] = _offset(winners, cost, slot, k, per_slot) if inside else np.float32(0)
+
+
+@kernel
+def _offset(winners: BestSoFar, cost: Float32, slot: int, k: int, per_slot: int) -> np.float32:
+    """`symmetric_v` of node k of the left view; its neighbours may lie in the slots beside."""
+    d, beside = winners.index[0, slot, k], winners.beside
+    at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < beside.shape[0] - 1
+    below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
+    above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]
+    return symmetric_v(below, cost[0, slot, k], above)

@@ -18,7 +18,7 @@ from numba.core import cgutils, types
 from numba.extending import intrinsic, models, overload, register_model
 
 # Lanes of a vector by the type of its elements: one AVX-512 register, or two for 64 bits.
-_LANES = {types.float32: 16, types.int16: 16, types.int32: 16, types.uint64: 16, types.uint16: 32}
+_LANES = {types.uint8: 16, types.float32: 16, types.int16: 16, types.int32: 16, types.uint64: 16, types.uint16: 32}
 
 
 def _intrinsic(generator: Callable[..., Any]) -> Any:

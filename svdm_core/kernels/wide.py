@@ -1,7 +1,7 @@
 """Vectors as wide as the search range: up to 1024 lanes of 8 or 16 bits, cut into pieces that registers can hold.
 
 How many lanes there are is part of numba's types, so a kernel is compiled for each width: it takes `lanes`, a tuple
-of `lanes_for`, whose length counts the lanes in units of 32. What goes with it is in `vectors`: pointers, and the rule
+of `lanes_for`, whose length counts the lanes in units of UNIT. What goes with it is in `vectors`: pointers, and the rule
 that indices are not checked. Lanes wrap around in + - *; nothing here depends on the processor but its speed.
 """
 from __future__ import annotations
@@ -14,11 +14,15 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic, models, overload, register_model
 
-UNIT = 32
+UNIT = 16
 """Lanes that one element of a `lanes` tuple stands for."""
 
-_LARGEST_PIECE = 64
-"""Lanes LLVM sees in one vector: one AVX-512 register of bytes. It splits powers of two well, and nothing else."""
+_PIECES = (64, 32, 16)
+"""Lanes that LLVM sees in one vector, the most first: one AVX-512 register of bytes. It splits powers of two well, and
+nothing else."""
+
+_STEP = 32
+"""Search ranges are filled up to a multiple of this many disparities."""
 
 _NIBBLE_DISTANCES = [(a ^ b).bit_count() for a in range(16) for b in range(16)]
 
@@ -27,7 +31,7 @@ Lanes = tuple[int, ...]
 
 def lanes_for(num_disparities: int) -> Lanes:
     """The tuple that stands for the narrowest vectors that hold a search range of 1 to 1024 disparities."""
-    return (0,) * -(-num_disparities // UNIT)
+    return (0,) * (-(-num_disparities // _STEP) * _STEP // UNIT)
 
 
 def width_of(lanes: Lanes) -> int:
@@ -40,7 +44,7 @@ class Wide(types.Type):  # type: ignore[misc]  # numba comes without types
 
     def __init__(self, element: Any, lanes: int) -> None:
         self.element, self.lanes = element, lanes
-        self.piece = next(size for size in (_LARGEST_PIECE, UNIT) if lanes % size == 0)
+        self.piece = next(size for size in _PIECES if lanes % size == 0)
         self.pieces = lanes // self.piece
         super().__init__(name=f'Wide({element}, {lanes})')
 
@@ -87,6 +91,12 @@ def _places(wide: Wide, elements: Any, index: Any, context: Any, builder: Any, k
     offsets = (ir.Constant(ir.IntType(64), k * wide.piece) for k in range(wide.pieces))
     to = wide.piece_type().as_pointer()
     return [builder.bitcast(builder.gep(elements, [builder.add(start, offset)]), to) for offset in offsets]
+
+
+def loaded(context: Any, builder: Any, elements: Any, start: Any, offset: int, wide: Wide) -> Any:
+    """In an intrinsic: the first piece of a vector from elements[start + offset] on."""
+    at = builder.add(start, ir.Constant(ir.IntType(64), offset))
+    return builder.load(_places(wide, elements, at, context, builder, types.intp)[0], align=1)
 
 
 @_intrinsic
@@ -154,6 +164,7 @@ def _called(name: str) -> Callable[[Any, Wide, Any, Any], Any]:
     return call
 
 
+least_of, most_of = _called('umin'), _called('umax')
 add_saturated = _lanewise('a + b of unsigned lanes, at most what a lane holds.', _called('uadd.sat'))
 subtract_saturated = _lanewise('a - b of unsigned lanes, at least 0.', _called('usub.sat'))
 minimum_wide = _lanewise('The smaller of each two unsigned lanes.', _called('umin'))

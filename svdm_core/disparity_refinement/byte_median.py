@@ -1,0 +1,207 @@
+"""The bilateral weighted median of stage 4 (eqs 17-19) of the filled pixels, in bytes.
+
+Disparities, guide and weights have 8 bits; the exponential of eq 17 is (1 - x / 64)^64, squared six times in 16 bits.
+Against `weighted_median` one median in some hundreds is another, by 1 px mostly.
+"""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from ..kernels.arrays import Bool, Float32, Int16, Int64, Uint8, Uint16
+from ..kernels.compilation import kernel
+from ..kernels.tasks import take
+from ..kernels.vectors import pointer
+from ..kernels.wide import (
+    UNIT,
+    Lanes,
+    add_saturated,
+    load_wide,
+    maximum_wide,
+    minimum_wide,
+    multiply_high,
+    narrow_wide,
+    shift_right,
+    splat_wide,
+    store_wide,
+    subtract_saturated,
+    sum_wide,
+    where_less,
+    widen,
+)
+
+ROWS = 4
+"""Rows of a task: filled pixels are spread unevenly."""
+
+MOST_DISPARITIES = 256
+"""What labels of 8 bits can tell apart."""
+
+STEPS = 64
+"""Steps of a disparity in the finished map: 1/64 px."""
+
+_SPARE = 64
+
+
+class MedianWindow(NamedTuple):
+    """What the window weighs. side: px, odd. spatial: uint16 (side * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0
+    beside the window. slope, bits: see `_colour_weights`. columns: uint8 (W + 2 r + spare), 255 in the image, else 0.
+    label_bits: of the largest disparity."""
+
+    side: int
+    spatial: Uint16
+    slope: np.uint16
+    columns: Uint8
+    label_bits: int
+
+
+def median_window(width: int, w_p: int, sigma_s: float, sigma_c: float, num_disparities: int) -> MedianWindow:
+    """For images `width` px wide; w_p, sigma_s in px, sigma_c on 0..1."""
+    lanes, r = UNIT * len(window_lanes(w_p)), w_p // 2
+    offsets = np.arange(w_p) - r
+    spatial = np.zeros((w_p, lanes), np.uint16)
+    near = np.exp(-(offsets[:, None] ** 2 + offsets**2) / sigma_s**2)
+    spatial[:, :w_p] = np.minimum(np.rint(65536 * near), 65535)
+    columns = np.zeros(width + 2 * r + _SPARE + lanes, np.uint8)
+    columns[r:r + width] = 255
+    slope = min(round(65536 * 256 / (64 * (255 * sigma_c) ** 2)), 65535)
+    return MedianWindow(w_p, spatial.reshape(-1), np.uint16(slope), columns, max(1, (num_disparities - 1).bit_length()))
+
+
+def window_lanes(w_p: int) -> Lanes:
+    """Vectors that hold a row of the window."""
+    return (0,) * -(-w_p // UNIT)
+
+
+class MedianMaps(NamedTuple):
+    """labels: uint8 (H + 2 r, pitch), filled disparities; guide: uint8 (C, H + 2 r, pitch), grey levels; both with
+    margins of r, and room for a vector behind. valid, filled, vertex: (H, W), vertex or (0, 0).
+    fixed: uint16 (H, W), the map in 1 / STEPS px, written."""
+
+    labels: Uint8
+    guide: Uint8
+    valid: Bool
+    filled: Int16
+    vertex: Float32
+    fixed: Uint16
+
+
+def empty_maps(shape: tuple[int, ...], w_p: int) -> tuple[Uint8, Uint8]:
+    """labels and guide of `MedianMaps` for images of `shape`."""
+    height, width = shape[:2]
+    channels = 1 if len(shape) == 2 else shape[2]
+    rows, pitch = height + w_p - 1, width + w_p - 1 + _SPARE + UNIT * len(window_lanes(w_p))
+    return np.zeros((rows, pitch), np.uint8), np.zeros((channels, rows, pitch), np.uint8)
+
+
+@kernel(parallel=True)
+def fill_margins(counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, side: int, levels: Uint8) -> None:
+    """Labels and guide, ROWS rows a task; levels: uint8 (C, H, W)."""
+    for _ in numba.prange(arenas.shape[0]):
+        task = take(counter)
+        while task < end:
+            _fill_rows(task, maps, side // 2, levels)
+            task = take(counter)
+
+
+@kernel
+def _fill_rows(task: int, maps: MedianMaps, r: int, levels: Uint8) -> None:
+    height, width = maps.filled.shape
+    for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
+        for x in range(width):
+            maps.labels[y + r, x + r] = np.uint8(maps.filled[y, x])
+        for c in range(levels.shape[0]):
+            maps.guide[c, y + r, r:r + width] = levels[c, y]
+
+
+def scratch_size(w_p: int) -> int:
+    """Bytes of scratch a task takes."""
+    return 2 * (w_p * UNIT * len(window_lanes(w_p)) + _SPARE)
+
+
+@kernel(parallel=True)
+def take_medians(
+    counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, window: MedianWindow, lanes: Lanes
+) -> None:
+    """The finished map, ROWS rows a task: valid pixels keep their disparity, the rest get their median."""
+    for worker in numba.prange(arenas.shape[0]):
+        task = take(counter)
+        while task < end:
+            _finish_rows(task, maps, window, arenas[worker], lanes)
+            task = take(counter)
+
+
+@kernel
+def _finish_rows(task: int, maps: MedianMaps, window: MedianWindow, arena: Uint8, lanes: Lanes) -> None:
+    height, width = maps.filled.shape
+    for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
+        for x in range(width):
+            if maps.valid[y, x]:
+                part = maps.vertex[y, x] if maps.vertex.size > 0 else np.float32(0)
+                maps.fixed[y, x] = np.uint16(np.rint((np.float32(maps.filled[y, x]) + part) * np.float32(STEPS)))
+            else:
+                maps.fixed[y, x] = STEPS * _median(maps, window, y, x, arena, lanes)
+
+
+@kernel
+def _median(maps: MedianMaps, window: MedianWindow, y: int, x: int, arena: Uint8, lanes: Lanes) -> int:
+    step, height = UNIT * len(lanes), maps.filled.shape[0]
+    size = window.side * step
+    labels, weights = pointer(arena), pointer(arena[(size + _SPARE) // _SPARE * _SPARE:])
+    near, pitch = pointer(maps.labels), maps.labels.shape[1]
+    spatial = pointer(window.spatial)
+    inside, nothing = load_wide(pointer(window.columns), x, lanes), splat_wide(np.uint8(0), lanes)
+    total = splat_wide(np.uint16(0), lanes)
+    for k in range(window.side):
+        row = y + k - window.side // 2
+        weight = nothing
+        if 0 <= row < height:
+            weight = _colour_weights(maps.guide, y, x, k, window, load_wide(spatial, k * step, lanes), lanes) & inside
+        store_wide(weights, k * step, weight)
+        store_wide(labels, k * step, load_wide(near, (y + k) * pitch + x, lanes))
+        total = total + widen(weight)
+    return _weighted_median(labels, weights, window, sum_wide(total), lanes)
+
+
+@kernel
+def _colour_weights(
+    guide: Uint8, y: int, x: int, k: int, window: MedianWindow, spatial: Uint16, lanes: Lanes
+) -> Uint8:
+    """Weights of row k of the window around (y, x), 0 .. 255."""
+    at, pitch, r = pointer(guide), guide.shape[2], window.side // 2
+    plane = guide.shape[1] * pitch
+    squares = splat_wide(np.uint16(0), lanes)
+    for c in range(guide.shape[0]):
+        own = splat_wide(at[c * plane + (y + r) * pitch + x + r], lanes)
+        other = load_wide(at, c * plane + (y + k) * pitch + x, lanes)
+        difference = widen(maximum_wide(own, other) - minimum_wide(own, other))
+        squares = add_saturated(squares, difference * difference)
+    share = subtract_saturated(splat_wide(np.uint16(65535), lanes), _sixty_fourth(squares, window.slope, lanes))
+    for _ in range(6):
+        share = multiply_high(share, share)
+    return narrow_wide(shift_right(multiply_high(share, spatial), 8))
+
+
+@kernel
+def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
+    """squares * slope / 256, about 65535 where it does not fit."""
+    factor = splat_wide(slope, lanes)
+    high = minimum_wide(multiply_high(squares, factor), splat_wide(np.uint16(255), lanes))
+    return high * splat_wide(np.uint16(256), lanes) + shift_right(squares * factor, 8)
+
+
+@kernel
+def _weighted_median(
+    labels: Uint8, weights: Uint8, window: MedianWindow, total: np.uint32, lanes: Lanes
+) -> int:
+    """The smallest label with half of the weight at or below it, bit by bit."""
+    step, label = UNIT * len(lanes), 0
+    for bit in range(window.label_bits - 1, -1, -1):
+        probe = label + (1 << bit)
+        limit, below = splat_wide(np.uint8(probe), lanes), splat_wide(np.uint16(0), lanes)
+        for o in range(0, window.side * step, step):
+            below = below + widen(where_less(load_wide(labels, o, lanes), limit, load_wide(weights, o, lanes)))
+        if 2 * np.int64(sum_wide(below)) < total:
+            label = probe
+    return label

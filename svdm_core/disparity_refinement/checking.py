@@ -1,0 +1,80 @@
+"""Stage 4, first half, by rows: left-right check (eq 15) and filling along scanlines (eq 16)."""
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from ..kernels.arrays import Bool, Int16, Int64, Uint8
+from ..kernels.compilation import kernel
+from ..kernels.stripes import BLOCK
+from ..kernels.tasks import take
+
+
+class Checked(NamedTuple):
+    """left: int16 (H, W), disparity - min_disparity; right: int16 (rows, W), mirrored, row y // every stands for row y.
+
+    valid: bool (H, W), where they agree. filled: int16 (H, W), the left ones, invalid pixels filled.
+    """
+
+    left: Int16
+    right: Int16
+    every: int
+    min_disparity: int
+    tau_lr: np.float32
+    valid: Bool
+    filled: Int16
+
+
+@kernel(parallel=True)
+def check_and_fill(counter: Int64, end: int, arenas: Uint8, checked: Checked) -> None:
+    """Blocks of BLOCK rows."""
+    for _ in numba.prange(arenas.shape[0]):
+        task = take(counter)
+        while task < end:
+            _check_rows(task, checked)
+            task = take(counter)
+
+
+@kernel
+def _check_rows(task: int, checked: Checked) -> None:
+    for y in range(task * BLOCK, min(checked.left.shape[0], (task + 1) * BLOCK)):
+        right = checked.right[min(y // checked.every, checked.right.shape[0] - 1)]
+        _check_row(checked.left[y], right, checked.min_disparity, checked.tau_lr, checked.valid[y])
+        _fill_row(checked.left[y], checked.valid[y], checked.filled[y])
+
+
+@kernel
+def _check_row(left: Int16, right: Int16, min_disparity: int, tau_lr: np.float32, valid: Bool) -> None:
+    """|d_L(p) - d_R(p - d_L(p))| <= tau_lr, with p - d_L(p) inside the image."""
+    width = left.size
+    for x in range(width):
+        d = np.int64(left[x])
+        partner = width - 1 - x + d + min_disparity
+        inside = 0 <= partner < width
+        other = np.int64(right[partner if inside else 0])
+        valid[x] = inside and np.float32(abs(d - other)) <= tau_lr
+
+
+@kernel
+def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
+    """Each invalid pixel gets the smaller of the nearest valid disparities on its row; with one side only that one,
+    without any what it has."""
+    width = disparity.size
+    before = np.int16(-1)
+    x = 0
+    while x < width:
+        if valid[x]:
+            before = disparity[x]
+            filled[x] = before
+            x += 1
+            continue
+        end = x
+        while end < width and not valid[end]:
+            end += 1
+        after = disparity[end] if end < width else before
+        value = after if before < 0 else min(before, after)
+        for k in range(x, end):
+            filled[k] = value if value >= 0 else disparity[k]
+        x = end

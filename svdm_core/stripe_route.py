@@ -1,0 +1,83 @@
+"""The way of a pair through the engine: stages 1 to 3 by stripes, in bytes. The object owns its buffers."""
+from __future__ import annotations
+
+import numpy as np
+
+from .cost_aggregation import AGGREGATIONS
+from .cost_aggregation.aggregation import StripeAggregation, View
+from .disparity_optimization.penalties import Penalties, fill_penalty_blocks
+from .disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
+from .disparity_optimization.winners import Winners
+from .kernels.stripes import BLOCK, block_count, rows_of, stripe_count
+from .kernels.wide import lanes_for, width_of
+from .matching_cost.byte_costs import ByteCosts, byte_costs, has_differences, largest_cost
+from .matching_cost.planes import INTENSITY, empty_planes
+from .matching_cost.preparation import PairImages, fill_plane_blocks
+from .parameters import MatcherParameters
+from .phases import Phase
+
+
+class StripeRoute:
+    """For images of one shape and one search range."""
+
+    def __init__(self, shape: tuple[int, ...], parameters: MatcherParameters) -> None:
+        self._lanes = lanes_for(parameters.num_disparities)
+        lanes, start = width_of(self._lanes), parameters.min_disparity
+        self.left, self.right = rows_of(shape, 1), rows_of(shape, parameters.right_rows)
+        self._planes = empty_planes(shape, range(start, start + lanes), has_differences(parameters),
+                                    parameters.census_weight > 0)
+        channels = 1 if len(shape) == 2 else shape[2]
+        kinds = parameters.aggregation, right_aggregation(parameters, channels)
+        self.sides: list[StripeAggregation] = [
+            AGGREGATIONS[kind].load()(View(number, rows, lanes, channels))
+            for number, (kind, rows) in enumerate(zip(kinds, (self.left, self.right), strict=True))]
+        self._across, self._down = np.zeros((2, 2, (self.left.height + 2) * self.left.width), np.uint8)
+        height, width = shape[:2]
+        self.winners = StripeWinners(
+            np.zeros((height, width), np.int16), np.zeros((self.right.height, width), np.int16),
+            np.zeros((height, width) if parameters.subpixel else (0, 0), np.float32),
+            np.where(np.arange(lanes) < parameters.num_disparities, 0, 255).astype(np.uint8), parameters.num_disparities)
+
+    @staticmethod
+    def layout(shape: tuple[int, ...], parameters: MatcherParameters) -> tuple[object, ...]:
+        """What the buffers follow from."""
+        return (StripeRoute, shape, parameters.min_disparity, parameters.num_disparities, parameters.right_rows,
+                has_differences(parameters), parameters.census_weight > 0, parameters.aggregation, parameters.subpixel)
+
+    def phases(self, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
+        """Stages 1 to 3 of a pair whose levels are there."""
+        blocks, magnitude = block_count(self.left.height), parameters.gradient == 'magnitude'
+        penalties = self._penalties(parameters)
+        phases = [Phase('matching_cost', 2 * blocks, fill_plane_blocks,
+                        (images, self._planes, np.float32(INTENSITY), magnitude)),
+                  Phase('disparity_optimization', blocks + block_count(self.right.height), fill_penalty_blocks,
+                        (penalties, images.levels, self.left, self.right))]
+        costs = [self._costs(side, parameters) for side in self.sides]
+        for side, own in zip(self.sides, costs, strict=True):
+            phases += side.phases(own, images.levels, parameters)
+        # Boxes of either view have the same costs; where only one has boxes, they are its own.
+        boxes = costs[1] if self.sides[0].volume.size else costs[0]
+        views = Views(self.left.height, self.right.height, self.left.width, self.right.every, parameters.paths,
+                      self.sides[0].volume, self.sides[1].volume)
+        phases.append(Phase('disparity_optimization', stripe_count(self.left) + stripe_count(self.right),
+                            smooth_stripes, (boxes, penalties, views, self.winners, self._lanes),
+                            scratch_size(self.left.width, width_of(self._lanes), parameters.paths)))
+        return phases
+
+    def result(self) -> Winners:
+        """After the phases."""
+        return Winners(self.winners.left, self.winners.right, self.right.every, self.winners.vertex)
+
+    def _costs(self, side: StripeAggregation, parameters: MatcherParameters) -> ByteCosts:
+        return byte_costs(self._planes, self.left.width, parameters, width_of(self._lanes), side.pixel_cost)
+
+    def _penalties(self, parameters: MatcherParameters) -> Penalties:
+        units = [side.full_cost / max(largest_cost(parameters), 1e-9) for side in self.sides]
+        p1 = [np.uint8(min(round(min(parameters.p1, parameters.p2) * unit), 255)) for unit in units]
+        p2 = [np.float32(min(parameters.p2 * unit, 255)) for unit in units]
+        return Penalties(p1[0], p1[1], p2[0], p2[1], np.float32(parameters.p2_edge), self._across, self._down)
+
+
+def right_aggregation(parameters: MatcherParameters, channels: int) -> str:
+    """How the right view is aggregated, which serves the left-right check only."""
+    return 'box' if parameters.right_rows > 1 else parameters.aggregation
