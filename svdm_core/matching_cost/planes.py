@@ -208,9 +208,9 @@ def gather_nodes(
 def cost_vector(own, own_census, k, values, census, terms, planes, size, start, scale):  # type: ignore[no-untyped-def]
     """Costs of node k, a vector over BLOCK disparities (eq 8), unit 1 / INTENSITY.
 
-    own (N * (C + 1)), own_census (N): of `node_values`, one view, flat. values, census: the other view's planes,
-    flat, `size` the length of each; start: where in a plane the first partner lies. scale: a `CostScale`; terms: of
-    `cost_terms`.
+    own (N * (C + 1)), own_census (N): of `gather_nodes` or `gather_pixels`, one view, flat. values, census: the other
+    view's planes, flat, `size` the length of each; start: where in a plane the first partner lies. scale: a
+    `CostScale`; terms: of `cost_terms`.
     """
     tau_ad, tau_gm, alpha, bit, largest = scale
     has_differences, has_census = terms
