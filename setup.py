@@ -39,7 +39,7 @@ setup(
             'process_bag = svdm_ros.bags.process_bag:main',
             'play_bag = svdm_ros.bags.play_bag:main',
             'images_to_bag = svdm_ros.bags.images_to_bag:main',
-            'svdm = svdm_core.commands.cli:main',
+            'svdm = svdm_core.__main__:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],
     },

@@ -1,17 +1,15 @@
-"""Stereo matching by the four stages of the horizontal-streak paper (Gan et al. 2024); no ROS in here."""
-# ruff: noqa: E402 - the order counts: what follows takes a second
-from .runtime.interrupts import end_quietly_if_command
+"""Stereo matching by the four stages of the horizontal-streak paper (Gan et al. 2024); no ROS in here.
 
-end_quietly_if_command()
+Importing it takes no time and changes nothing in the process: the names below are imported when they are first used.
+A program that is to run the matcher for long may call `svdm_core.runtime.configure()` first.
+"""
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
-from .presets import load_preset, preset_names
-from .runtime.memory_reuse import keep_freed_memory
-from .runtime.thread_waiting import wait_briefly
-
-wait_briefly()
-keep_freed_memory()
-from .matcher import DisparityResult, StereoMatcher
+if TYPE_CHECKING:
+    from .matcher import DisparityResult, StereoMatcher
+    from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
+    from .presets import load_preset, preset_names
 
 __all__ = [
     'DisparityResult',
@@ -23,3 +21,21 @@ __all__ = [
     'parameter_table',
     'preset_names',
 ]
+
+_MODULES = {
+    'matcher': ('DisparityResult', 'StereoMatcher'),
+    'parameters': ('MatcherParameters', 'ParameterInfo', 'parameter_info', 'parameter_table'),
+    'presets': ('load_preset', 'preset_names'),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _MODULES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(f'.{module}', __name__), name)
+            return value
+    raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -11,8 +11,6 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
-import numpy as np
-
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ParameterInfo:
@@ -84,7 +82,7 @@ class ParameterInfo:
 
 def _converted(value: Any, wanted: type) -> Any:
     """`value` as `wanted` where no meaning is lost (1 for 1.0, 31.0 for 31), else None."""
-    if isinstance(value, np.generic):
+    if getattr(value, 'ndim', None) == 0:  # a number of numpy, which need not be imported for that
         value = value.item()
     if wanted in (bool, str):
         return value if isinstance(value, wanted) else None

@@ -64,12 +64,14 @@ def _preset_path(name_or_path: str | Path) -> Path:
 
 
 def preset_text(parameters: MatcherParameters, comment: str) -> str:
-    """A preset file that `load_preset` and the node read: everything but the search range, which is the camera's.
+    """A preset file that `load_preset` and the node read: what differs from the defaults, without the search range,
+    which is the camera's.
 
     comment: one line, which says when to take it.
     """
+    default = MatcherParameters().as_dict()
     own = {name: value for name, value in parameters.as_dict().items()
-           if name not in ('min_disparity', 'num_disparities')}
+           if name not in ('min_disparity', 'num_disparities') and value != default[name]}
     values = yaml.safe_dump({'/**': {'ros__parameters': own}}, sort_keys=False)
     return f'# {" ".join(comment.split())}\n{values}'
 

@@ -10,6 +10,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from svdm_core.benchmark.limits import check_memory
+from svdm_core.commands.argument_types import positive, size
+from svdm_core.files.output_files import check_outputs, write_outputs
+from svdm_core.presets import load_preset, preset_names
+
+from .demo.processes import DemoError
 from .end_signals import EndSignals
 
 INTERRUPTED = 130  # as a shell reports Ctrl-C
@@ -20,12 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     signals = EndSignals(INTERRUPTED)
     options = _parse(arguments)
-    from svdm_core.benchmark.limits import check_memory
-    from svdm_core.files.output_files import check_outputs, write_outputs
-    from svdm_core.presets import load_preset
-
-    from .demo.processes import DemoError
-    from .node_measurement import measure
+    from .node_measurement import measure  # takes a second, as rclpy comes with it
 
     def check() -> None:
         if signals.received:
@@ -51,9 +52,6 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _parse(arguments: list[str] | None) -> argparse.Namespace:
-    from svdm_core.commands.options import positive, size
-    from svdm_core.presets import preset_names
-
     parser = argparse.ArgumentParser(prog='node_benchmark', description='Measure the node at a given size and rate.')
     parser.add_argument('--size', type=size, default=(640, 480), metavar='WxH', help='image size, px (640x480)')
     parser.add_argument('--rate', type=positive, default=30.0, metavar='HZ', help='pairs sent a second (30)')

@@ -10,6 +10,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.utilities import remove_ros_args
 
+from svdm_core.runtime import configure
+
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
 from .node_usage import answer
@@ -27,6 +29,7 @@ def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
         answered = answer(remove_ros_args(arguments)[1:])
         if answered is not None:
             return answered
+        configure()
         rclpy.init(args=arguments)
     except RuntimeError as error:
         return _refuse_to_start(error)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 class Worker[Job]:
     """Calls `prepare()` once and then `process(job)` for each job, all in one thread of its own.
 
-    The numba kernels must run in a single thread: its default threading layer aborts the process otherwise.
+    A matcher takes one frame at a time, and nobody else is to wait for it.
     A job that is still waiting when the next one comes is replaced. `on_drop(reason)` is called for each job that is
     not processed, `on_error(exception)` for whatever `prepare` or `process` raises: the thread goes on.
     """

@@ -310,19 +310,7 @@ def test_no_module_imports_ros():
 
 
 def test_nothing_of_ros_is_loaded():
-    code = 'import sys, svdm_core; print(*sys.modules)'
+    code = 'import sys; from svdm_core import StereoMatcher; print(*sys.modules)'
     root = Path(__file__).resolve().parent.parent
     loaded = subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True).stdout
     assert not ROS & set(loaded.split()) and 'numba' in loaded
-
-
-@pytest.mark.parametrize(('given', 'expected'), [
-    ({}, '10000'), ({'GOMP_SPINCOUNT': '7'}, '7'), ({'OMP_WAIT_POLICY': 'active'}, 'None'),
-])
-def test_threads_spin_briefly_unless_told_otherwise(given, expected):
-    root = Path(__file__).resolve().parent.parent
-    others = {name: value for name, value in os.environ.items() if name not in ('GOMP_SPINCOUNT', 'OMP_WAIT_POLICY')}
-    code = 'import os, svdm_core; print(os.environ.get("GOMP_SPINCOUNT"))'
-    shown = subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True,
-                           env={**others, **given}).stdout
-    assert shown.strip() == expected

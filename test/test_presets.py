@@ -4,7 +4,31 @@ import pytest
 import yaml
 
 from svdm_core import MatcherParameters, load_preset, parameter_table, preset_names
-from svdm_core.presets import preset_folder
+from svdm_core.presets import preset_folder, preset_text
+
+# All that a preset settles, named by it or left to the defaults.
+NAMES = (
+    'gradient', 'alpha', 'tau_ad', 'tau_gm', 'guide_blur', 'census_weight', 'aggregation', 'sigma_tree', 'd_y',
+    'subpixel', 'p1', 'p2', 'p2_edge', 'paths', 'tau_lr', 'median_scope', 'median_guide', 'w_p', 'sigma_s',
+    'sigma_c', 'final_median',
+)
+PRESETS = {
+    'accurate': (
+        'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
+        'filled', 'image', 41, 24.0, 0.08, 5),
+    'default': (
+        'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
+        'filled', 'image', 21, 14.0, 0.1, 5),
+    'fast': (
+        'horizontal', 0.0, 0.0, 2 / 255, 1, 0.3, 'box', 0.1, 255, True, 0.05, 0.8, 10.0, 3, 1.0, 'filled',
+        'image', 11, 8.0, 0.1, 5),
+    'paper': (
+        'magnitude', 10.7, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
+        'image', 31, 15.8, 0.175, 1),
+    'paper_start': (
+        'magnitude', 1.0, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
+        'image', 11, 1.0, 0.1, 1),
+}
 
 
 def write(folder, text):
@@ -17,6 +41,13 @@ def test_default_is_the_default():
     assert load_preset('default') == MatcherParameters()
 
 
+@pytest.mark.parametrize('name', preset_names())
+def test_a_preset_is_what_it_was_whatever_becomes_of_the_defaults(name):
+    values = load_preset(name).as_dict()
+    assert set(values) == {*NAMES, 'min_disparity', 'num_disparities'}
+    assert tuple(values[parameter] for parameter in NAMES) == PRESETS[name]
+
+
 def test_the_papers_presets_are_its_start_and_its_optimum():
     start, optimum = load_preset('paper_start'), load_preset('paper')
     tuned = ('alpha', 'sigma_s', 'sigma_c', 'w_p')
@@ -26,12 +57,13 @@ def test_the_papers_presets_are_its_start_and_its_optimum():
 
 
 @pytest.mark.parametrize('name', preset_names())
-def test_a_preset_says_when_to_take_it_and_what_it_sets(name):
+def test_a_preset_says_when_to_take_it_and_sets_what_differs_from_the_defaults(name):
     text = (preset_folder() / f'{name}.yaml').read_text()
     assert text.startswith('# Take this one ')
     values = yaml.safe_load(text)['/**']['ros__parameters']
     known = {info.name: info for info in parameter_table()}
-    assert set(values) == set(known) - {'min_disparity', 'num_disparities'}  # a new default must not change it
+    assert set(values) <= set(known) - {'min_disparity', 'num_disparities'}
+    assert [name for name, value in values.items() if value == known[name].default] == []
     # rclpy refuses 1 where a double is declared, so a preset must write 1.0
     assert {name: type(value) for name, value in values.items()} == {name: known[name].type for name in values}
 
@@ -52,6 +84,14 @@ def test_what_is_wrong_with_a_file_is_told_in_one_line(tmp_path, text, reason):
         load_preset(path)
     assert str(refusal.value).startswith(f'{path}: ') and reason in str(refusal.value)
     assert '\n' not in str(refusal.value)
+
+
+@pytest.mark.parametrize('changes', [{}, {'alpha': 2.5, 'aggregation': 'box', 'num_disparities': 32}])
+def test_a_preset_that_was_written_is_read_again(tmp_path, changes):
+    path = write(tmp_path, preset_text(MatcherParameters(**changes), 'Take this one'))
+    search_range = {'num_disparities': MatcherParameters().num_disparities}  # is the camera's
+    assert load_preset(path) == MatcherParameters(**{**changes, **search_range})
+    assert list(yaml.safe_load(path.read_text())['/**']['ros__parameters']) == list(changes)[:2]
 
 
 def test_a_file_of_ones_own_is_read(tmp_path):

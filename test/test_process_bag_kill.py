@@ -40,7 +40,7 @@ def _process(bag, output):
 def start():
     """Starts process_bag in a process of its own, forked from one in which all is imported that takes time.
 
-    Not svdm_core: with it come the threads of OpenMP, which survive no fork.
+    Not a kernel: with the first one called come the threads of OpenMP, which survive no fork.
     """
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload(['numba', 'cv2', 'rich.progress', 'rosbags.convert.converter', __name__])

@@ -19,6 +19,7 @@ from ..evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
 from ..kernels.arrays import Float32, Image
 from ..matcher import StereoMatcher
 from ..presets import load_preset
+from ..runtime import configure
 from ..runtime.processors import processor_count, waited_seconds
 from .limits import check_limits, smallest_width
 
@@ -204,6 +205,7 @@ class _Contender:
 
 
 def _extra_memory(name: str, pair: BenchmarkPair, num_disparities: int, threads: int) -> float:
+    configure()  # as the command that measures the times
     width = max(200, smallest_width(num_disparities))
     tiny = BenchmarkPair(*(np.ascontiguousarray(image[:40, :width]) for image in (pair.left, pair.right)))
     _Contender(name, tiny, num_disparities, threads).run()

@@ -15,7 +15,8 @@ from ..files.images import read_image
 from ..files.output_files import check_outputs, write_outputs
 from ..parameters import parameter_info
 from ..presets import preset_names
-from .options import count, disparities, size
+from .argument_types import count, size
+from .options import disparities
 
 SCALING_SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 SCALING_DISPARITIES = (32, 64, 128, 256)

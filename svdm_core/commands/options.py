@@ -2,39 +2,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from ..parameters import MatcherParameters, parameter_info
 from ..presets import load_preset
-
-
-def count(text: str) -> int:
-    """An integer from 1 up."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be an integer from 1 up')
-    return int(text)
-
-
-def size(text: str) -> tuple[int, int]:
-    """Width and height of an image, px, from '640x480'."""
-    width, _, height = text.partition('x')
-    try:
-        return count(width), count(height)
-    except argparse.ArgumentTypeError:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a size: write it as 640x480') from None
-
-
-def positive(text: str) -> float:
-    """A finite number above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be a number above 0')
-    return value
+from .argument_types import count
 
 
 def disparities(text: str) -> int:

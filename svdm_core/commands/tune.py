@@ -15,7 +15,8 @@ from ..presets import preset_text
 from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
 from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
 from ..tuning.store import FigureStore
-from .options import add_parameter_options, add_threads_option, count, parameters_of, parse_changes
+from .argument_types import count
+from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:
     from ..tuning import report  # needs rich

@@ -13,18 +13,13 @@ the compilation goes on."""
 _SHOW_CURSOR = '\x1b[?25h'
 
 
-def end_quietly_if_command() -> None:
-    """Where this process is the command `svdm`, let Ctrl-C end it with 130. A program that uses the library keeps its
-    own ways, and so does a process that ignores Ctrl-C."""
-    if _is_command() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+def end_quietly() -> None:
+    """Let Ctrl-C end this process with INTERRUPTED, wherever it comes; a process that ignores Ctrl-C goes on doing so.
+
+    For the entry point of a command: it decides about the whole process.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _on_interrupt)
-
-
-def _is_command() -> bool:
-    """Asked while the package is imported: `python -m` has not set the name of the script by then."""
-    name = sys.argv[0] if sys.argv else ''
-    as_module = name == '-m' and 'svdm_core' in sys.orig_argv
-    return as_module or os.path.basename(name) == 'svdm' or name.endswith(os.path.join('svdm_core', '__main__.py'))
 
 
 def _on_interrupt(_number: int, frame: FrameType | None) -> None:

@@ -7,6 +7,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from svdm_core.presets import PresetNotFoundError, preset_folder
+
 from ..demo.processes import write_profile
 
 _VARIABLE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
@@ -32,7 +34,9 @@ def image_profile() -> Iterator[None]:
 
 
 def _shipped() -> Path | None:
-    """Of the checkout, else of the installation prefix. Not by svdm_core.presets, as numba comes with it: 1.4 s."""
-    package = Path(__file__).resolve().parents[1]
-    places = [package.parent / 'config', *(up / 'share' / 'svdm_ros' / 'config' for up in package.parents)]
-    return next((place / _NAME for place in places if (place / _NAME).is_file()), None)
+    """It lies beside the presets."""
+    try:
+        path = preset_folder() / _NAME
+    except PresetNotFoundError:
+        return None
+    return path if path.is_file() else None

@@ -5,8 +5,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from svdm_core.commands.argument_types import positive
+
 from .command import ending
-from .numbers import positive
 
 
 def main(arguments: list[str] | None = None) -> int:

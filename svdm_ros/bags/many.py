@@ -11,6 +11,8 @@ from typing import Any
 
 import distributed
 
+from svdm_core.runtime import configure
+
 from .process import Job, Tell, process
 
 _TOPIC = 'svdm_progress'
@@ -103,6 +105,7 @@ def _outcome(job: Job, future: Any) -> Outcome:
 
 def _process_here(job: Job) -> Outcome:
     """In the worker: the matcher has as many threads as the worker, unless the parameters say otherwise."""
+    configure()
     worker = distributed.get_worker()
     if not job.parameters.num_threads:
         parameters = dataclasses.replace(job.parameters, num_threads=worker.state.nthreads)

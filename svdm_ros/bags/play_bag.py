@@ -5,8 +5,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from svdm_core.commands.argument_types import count, not_negative, positive
+
 from ..end_signals import EndSignals
-from .numbers import count, not_negative, positive
 
 _CLOCK_HZ = 40.0
 _ENDLESS = 0

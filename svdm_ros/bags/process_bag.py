@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from types import FrameType
 
-from .numbers import count, not_negative, positive
+from svdm_core.commands.argument_types import count, not_negative, positive
 
 _INTERRUPTED = 130
 

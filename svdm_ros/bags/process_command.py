@@ -16,6 +16,7 @@ from rich.text import Text
 
 from svdm_core import parameter_info
 from svdm_core.presets import preset_values
+from svdm_core.runtime import configure
 
 from ..parameter_set import NodeParameters, Value, node_parameter_table
 from .calibration_files import read_calibration
@@ -28,6 +29,7 @@ _NODE_ONLY = ('use_sim_time', 'qos_overrides')
 
 def run(options: argparse.Namespace) -> int:
     """Process the recordings and print the summaries; the exit code. ValueError, OSError, ImportError with one line."""
+    configure()
     inputs = _inputs(options.inputs)
     parameters = _parameters(options.params or options.preset, options.changes)
     template = Job(

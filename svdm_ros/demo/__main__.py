@@ -8,6 +8,9 @@ import sys
 from pathlib import Path
 from types import FrameType
 
+from svdm_core.commands.argument_types import count, positive
+from svdm_core.runtime import configure
+
 from .processes import DemoError
 
 NEEDED = {
@@ -20,6 +23,7 @@ def main() -> int:
     """Entry point; returns the exit code: 0, 1 with one line that says what went wrong, 130 when interrupted."""
     arguments = _parse()
     signal.signal(signal.SIGTERM, _interrupt)
+    configure()
     try:
         _check_installed()
         from .run import Settings, run_demo  # needs what was checked
@@ -37,20 +41,9 @@ def main() -> int:
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='svdm_demo', description=__doc__)
     parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for picture and summary')
-    parser.add_argument('--frames', type=_positive(int), default=20, help='disparity images before and after each')
-    parser.add_argument('--rate', type=_positive(float), default=10.0, help='stereo pairs sent a second')
+    parser.add_argument('--frames', type=count, default=20, help='disparity images before and after each')
+    parser.add_argument('--rate', type=positive, default=10.0, help='stereo pairs sent a second')
     return parser.parse_args()
-
-
-def _positive(kind: type) -> object:
-    def convert(text: str) -> float:
-        value = kind(text)
-        if not 0 < value < float('inf'):
-            raise ValueError
-        return value
-
-    convert.__name__ = f'positive {kind.__name__}'  # argparse names it in its message
-    return convert
 
 
 def _check_installed() -> None:

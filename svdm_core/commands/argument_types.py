@@ -1,4 +1,4 @@
-"""Numbers on a command line, refused with what is allowed. Imports nothing that takes time."""
+"""Types of arguments on a command line, refused with what is allowed. Imports nothing that takes time."""
 from __future__ import annotations
 
 import argparse
@@ -14,13 +14,22 @@ def count(text: str) -> int:
     return int(text)
 
 
+def size(text: str) -> tuple[int, int]:
+    """Width and height of an image, px, from '640x480'."""
+    width, _, height = text.partition('x')
+    try:
+        return count(width), count(height)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a size: write it as 640x480') from None
+
+
 def positive(text: str) -> float:
-    """A number above 0."""
+    """A finite number above 0."""
     return _number(text, lambda value: value > 0, 'a number above 0')
 
 
 def not_negative(text: str) -> float:
-    """A number from 0 up."""
+    """A finite number from 0 up."""
     return _number(text, lambda value: value >= 0, 'a number from 0 up')
 
 
