@@ -39,12 +39,15 @@ def _sum_beside(costs: ByteCosts, view: int, rows: Rows, y: int, into: Uint8, la
     to, step = pointer(into), UNIT * len(lanes)
     row = cost_row(costs, view, rows.offset + rows.every * y, rows.width, 0)
     behind = pointer(costs.behind)
-    here = cost_at(costs, row, 0, behind, lanes)
-    before = here
-    for x in range(1, rows.width):
-        after = cost_at(costs, row, x, behind, lanes)
-        store_wide(to, (x - 1) * step, before + here + after)
-        before, here = here, after
+    before = splat_wide(np.uint8(0), lanes)
+    here = before
+    for x in range(rows.width):
+        after = cost_at(row, x, behind, lanes)
+        if x == 0:
+            before, here = after, after
+        else:
+            store_wide(to, (x - 1) * step, before + here + after)
+            before, here = here, after
     store_wide(to, (rows.width - 1) * step, before + here + here)
 
 

@@ -192,7 +192,7 @@ def _fill_costs(costs: ByteCosts, rows: Rows, view: int, y: int, first: int, int
     row = cost_row(costs, view, rows.offset + rows.every * y, rows.width, first)
     behind, to = pointer(costs.behind[first:]), pointer(into)
     for x in range(rows.width):
-        store_wide(to, x * UNIT, cost_at(costs, row, x, behind, _LANES))
+        store_wide(to, x * UNIT, cost_at(row, x, behind, _LANES))
 
 
 class _Tree(NamedTuple):

@@ -5,7 +5,7 @@ Against `weighted_median` one median in some hundreds is another, by 1 px mostly
 """
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -135,51 +135,77 @@ def take_medians(
 @kernel
 def _finish_rows(task: int, maps: MedianMaps, window: MedianWindow, arena: Uint8, lanes: Lanes) -> None:
     height, width = maps.filled.shape
+    here = _pointers(maps, window, arena, len(lanes) * UNIT)
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
         for x in range(width):
             if maps.valid[y, x]:
                 part = maps.vertex[y, x] if maps.vertex.size > 0 else np.float32(0)
                 maps.fixed[y, x] = np.uint16(np.rint((np.float32(maps.filled[y, x]) + part) * np.float32(STEPS)))
             else:
-                maps.fixed[y, x] = STEPS * _median(maps, window, y, x, arena, lanes)
+                maps.fixed[y, x] = STEPS * _median(here, y, x, lanes)
+
+
+class _Pointers(NamedTuple):
+    """What the search of one median needs; no arrays, as numba would count their references at each pixel.
+
+    near: scratch, labels of the window; weights: scratch. labels, guide: of `MedianMaps`, rows `pitch` apart, channels
+    of the guide `plane` apart. The rest is that of `MedianWindow`, and the rows of the image.
+    """
+
+    near: Any
+    weights: Any
+    labels: Any
+    guide: Any
+    pitch: int
+    plane: int
+    channels: int
+    side: int
+    spatial: Any
+    columns: Any
+    slope: np.uint16
+    label_bits: int
+    height: int
 
 
 @kernel
-def _median(maps: MedianMaps, window: MedianWindow, y: int, x: int, arena: Uint8, lanes: Lanes) -> int:
-    step, height = UNIT * len(lanes), maps.filled.shape[0]
-    size = window.side * step
-    labels, weights = pointer(arena), pointer(arena[(size + _SPARE) // _SPARE * _SPARE:])
-    near, pitch = pointer(maps.labels), maps.labels.shape[1]
-    spatial = pointer(window.spatial)
-    inside, nothing = load_wide(pointer(window.columns), x, lanes), splat_wide(np.uint8(0), lanes)
+def _pointers(maps: MedianMaps, window: MedianWindow, arena: Uint8, step: int) -> _Pointers:
+    size = (window.side * step + _SPARE) // _SPARE * _SPARE
+    channels, rows, pitch = maps.guide.shape
+    return _Pointers(pointer(arena), pointer(arena[size:]), pointer(maps.labels), pointer(maps.guide), pitch,
+                     rows * pitch, channels, window.side, pointer(window.spatial), pointer(window.columns),
+                     window.slope, window.label_bits, maps.filled.shape[0])
+
+
+@kernel
+def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
+    step = UNIT * len(lanes)
+    inside, nothing = load_wide(at.columns, x, lanes), splat_wide(np.uint8(0), lanes)
     total = splat_wide(np.uint16(0), lanes)
-    for k in range(window.side):
-        row = y + k - window.side // 2
+    for k in range(at.side):
+        row = y + k - at.side // 2
         weight = nothing
-        if 0 <= row < height:
-            weight = _colour_weights(maps.guide, y, x, k, window, load_wide(spatial, k * step, lanes), lanes) & inside
-        store_wide(weights, k * step, weight)
-        store_wide(labels, k * step, load_wide(near, (y + k) * pitch + x, lanes))
+        if 0 <= row < at.height:
+            weight = _colour_weights(at, y, x, k, lanes) & inside
+        store_wide(at.weights, k * step, weight)
+        store_wide(at.near, k * step, load_wide(at.labels, (y + k) * at.pitch + x, lanes))
         total = total + widen(weight)
-    return _weighted_median(labels, weights, window, sum_wide(total), lanes)
+    return _weighted_median(at, sum_wide(total), lanes)
 
 
 @kernel
-def _colour_weights(
-    guide: Uint8, y: int, x: int, k: int, window: MedianWindow, spatial: Uint16, lanes: Lanes
-) -> Uint8:
+def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
     """Weights of row k of the window around (y, x), 0 .. 255."""
-    at, pitch, r = pointer(guide), guide.shape[2], window.side // 2
-    plane = guide.shape[1] * pitch
+    r = at.side // 2
     squares = splat_wide(np.uint16(0), lanes)
-    for c in range(guide.shape[0]):
-        own = splat_wide(at[c * plane + (y + r) * pitch + x + r], lanes)
-        other = load_wide(at, c * plane + (y + k) * pitch + x, lanes)
+    for c in range(at.channels):
+        own = splat_wide(at.guide[c * at.plane + (y + r) * at.pitch + x + r], lanes)
+        other = load_wide(at.guide, c * at.plane + (y + k) * at.pitch + x, lanes)
         difference = widen(maximum_wide(own, other) - minimum_wide(own, other))
         squares = add_saturated(squares, difference * difference)
-    share = subtract_saturated(splat_wide(np.uint16(65535), lanes), _sixty_fourth(squares, window.slope, lanes))
+    share = subtract_saturated(splat_wide(np.uint16(65535), lanes), _sixty_fourth(squares, at.slope, lanes))
     for _ in range(6):
         share = multiply_high(share, share)
+    spatial = load_wide(at.spatial, k * UNIT * len(lanes), lanes)
     return narrow_wide(shift_right(multiply_high(share, spatial), 8))
 
 
@@ -192,16 +218,14 @@ def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
 
 
 @kernel
-def _weighted_median(
-    labels: Uint8, weights: Uint8, window: MedianWindow, total: np.uint32, lanes: Lanes
-) -> int:
+def _weighted_median(at: _Pointers, total: np.uint32, lanes: Lanes) -> int:
     """The smallest label with half of the weight at or below it, bit by bit."""
     step, label = UNIT * len(lanes), 0
-    for bit in range(window.label_bits - 1, -1, -1):
+    for bit in range(at.label_bits - 1, -1, -1):
         probe = label + (1 << bit)
         limit, below = splat_wide(np.uint8(probe), lanes), splat_wide(np.uint16(0), lanes)
-        for o in range(0, window.side * step, step):
-            below = below + widen(where_less(load_wide(labels, o, lanes), limit, load_wide(weights, o, lanes)))
+        for o in range(0, at.side * step, step):
+            below = below + widen(where_less(load_wide(at.near, o, lanes), limit, load_wide(at.weights, o, lanes)))
         if 2 * np.int64(sum_wide(below)) < total:
             label = probe
     return label

@@ -95,8 +95,26 @@ def _term(tau: float, scale: float) -> tuple[np.uint16, np.uint16, np.uint16]:
     return np.uint16(most), np.uint16(factor), np.uint16(min(round(tau * scale * 2**16 / (most * factor)), 65535))
 
 
+class Terms(NamedTuple):
+    """The scalars of `ByteCosts`."""
+
+    has_differences: bool
+    tau_ad: np.uint16
+    widen_ad: np.uint16
+    weight_ad: np.uint16
+    tau_gm: np.uint16
+    widen_gm: np.uint16
+    weight_gm: np.uint16
+    bit: np.uint16
+
+
 class CostRow(NamedTuple):
-    """One row of one view for `cost_at`: pointers, and where its pixel 0 and that pixel's partner lie behind them."""
+    """One row of one view for `cost_at`: pointers, and where its pixel 0 and that pixel's partner lie behind them.
+
+    No arrays: numba would count their references at each pixel.
+    """
+
+    terms: Terms
 
     values: Any
     others: Any
@@ -123,27 +141,29 @@ def cost_row(costs: ByteCosts, view: int, y: int, width: int, first: int) -> Cos
     pitch = costs.outside.size
     partner = costs.before + width - 1 + costs.start + first
     line, nibbles = y * pitch, y * _NIBBLES * pitch
-    return CostRow(pointer(values), pointer(others), values.shape[0] - 1, values.shape[1] * pitch,
+    terms = Terms(costs.has_differences, costs.tau_ad, costs.widen_ad, costs.weight_ad, costs.tau_gm, costs.widen_gm,
+                  costs.weight_gm, costs.bit)
+    return CostRow(terms, pointer(values), pointer(others), values.shape[0] - 1, values.shape[1] * pitch,
                    line + costs.before, line + partner, pointer(own), pointer(other), pitch, nibbles + costs.before,
                    nibbles + partner, pointer(costs.outside), partner, costs.before, costs.before + width)
 
 
-@kernel
-def cost_at(costs: ByteCosts, row: CostRow, x: int, behind: Any, lanes: Lanes) -> Any:
+@kernel(inline=True)
+def cost_at(row: CostRow, x: int, behind: Any, lanes: Lanes) -> Any:
     """Costs of pixel x of a row, uint8, a vector over the disparities; behind: pointer to those of this vector."""
-    if costs.has_differences:
-        cost = _all_terms(costs, row, x, lanes)
-    elif costs.bit == np.uint16(2**_FRACTION):
+    if row.terms.has_differences:
+        cost = _all_terms(row, x, lanes)
+    elif row.terms.bit == np.uint16(2**_FRACTION):
         cost = _distance(row, x, lanes)
     else:
-        cost = _rounded(widen(_distance(row, x, lanes)) * splat_wide(costs.bit, lanes), lanes)
+        cost = _rounded(widen(_distance(row, x, lanes)) * splat_wide(row.terms.bit, lanes), lanes)
     start = row.partner - x
     if start < row.first or start + UNIT * len(lanes) > row.end:
         cost = maximum_wide(cost, load_wide(row.outside, start, lanes))
     return maximum_wide(cost, load_wide(behind, 0, lanes))
 
 
-@kernel
+@kernel(inline=True)
 def _distance(row: CostRow, x: int, lanes: Lanes) -> Any:
     """Bits of the census that differ."""
     own, there = row.nibble + x, row.other_nibble - x
@@ -154,13 +174,13 @@ def _distance(row: CostRow, x: int, lanes: Lanes) -> Any:
     return distance
 
 
-@kernel
+@kernel(inline=True)
 def _rounded(total: Any, lanes: Lanes) -> Any:
     return narrow_wide(shift_right(total + splat_wide(np.uint16(2**(_FRACTION - 1)), lanes), _FRACTION))
 
 
 @kernel
-def _all_terms(costs: ByteCosts, row: CostRow, x: int, lanes: Lanes) -> Any:
+def _all_terms(row: CostRow, x: int, lanes: Lanes) -> Any:
     """The sum of all three terms (eq 8 and the census)."""
     own, there = row.value + x, row.other_value - x
     difference = _difference(row, own, there, lanes)
@@ -171,10 +191,10 @@ def _all_terms(costs: ByteCosts, row: CostRow, x: int, lanes: Lanes) -> Any:
                       + multiply_high(_difference(row, own + row.plane, there + row.plane, lanes), third)
                       + multiply_high(_difference(row, own + 2 * row.plane, there + 2 * row.plane, lanes), third))
     slope = _difference(row, own + channels * row.plane, there + channels * row.plane, lanes)
-    total = (_truncated(difference, costs.tau_ad, costs.widen_ad, costs.weight_ad, lanes)
-             + _truncated(slope, costs.tau_gm, costs.widen_gm, costs.weight_gm, lanes))
-    if costs.bit > 0:
-        total = total + widen(_distance(row, x, lanes)) * splat_wide(costs.bit, lanes)
+    total = (_truncated(difference, row.terms.tau_ad, row.terms.widen_ad, row.terms.weight_ad, lanes)
+             + _truncated(slope, row.terms.tau_gm, row.terms.widen_gm, row.terms.weight_gm, lanes))
+    if row.terms.bit > 0:
+        total = total + widen(_distance(row, x, lanes)) * splat_wide(row.terms.bit, lanes)
     return _rounded(total, lanes)
 
 
