@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from ..disparity_optimization.winners import SlotPointers, Winners, slot_pointers, take_smallest
+from ..disparity_optimization.winners import BestSoFar, SlotPointers, slot_pointers, take_smallest
 from ..kernels.arrays import Float32, Int32, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.vectors import load, pointer, splat, store
@@ -69,7 +69,7 @@ def edge_similarities(sigma_tree: float, d_y: int) -> Float32:
 
 
 def aggregate(
-    nodes: TreeNodes, values: NodeValues, parameters: MatcherParameters, scratch: Float32, winners: Winners
+    nodes: TreeNodes, values: NodeValues, parameters: MatcherParameters, scratch: Float32, winners: BestSoFar
 ) -> None:
     """Stages 1 and 2 over all disparities; the winners take what comes out.
 
@@ -82,31 +82,43 @@ def aggregate(
 
 @kernel(parallel=True)
 def _supports(nodes: TreeNodes, weight: Uint8, similarities: Float32) -> None:
-    views, count = weight.shape
-    nodes.inner[:] = 0
-    for view in numba.prange(views):
-        for k in range(count):
-            nodes.similarity[view, k] = similarities[weight[view, k]]
-        for k in range(1, count):
-            nodes.inner[view, nodes.parent[view, k]] = 1
+    for view in numba.prange(weight.shape[0]):
+        _fill_supports(nodes.parent[view], weight[view], similarities, nodes.similarity[view], nodes.inner[view])
+
+
+@kernel
+def _fill_supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Uint8) -> None:
+    inner[:] = 0
+    for k in range(weight.size):
+        similarity[k] = similarities[weight[k]]
+        if k > 0:
+            inner[parent[k]] = 1
 
 
 @kernel(parallel=True)
 def _aggregate(
     nodes: TreeNodes, values: NodeValues, scale: CostScale, num_disparities: int, subpixel: bool, scratch: Float32,
-    winners: Winners,
+    winners: BestSoFar,
 ) -> None:
-    views, slots, length = scratch.shape
+    for task in numba.prange(scratch.shape[0] * scratch.shape[1]):
+        _aggregate_slot(task, nodes, values, scale, num_disparities, subpixel, scratch, winners)
+
+
+@kernel
+def _aggregate_slot(
+    task: int, nodes: TreeNodes, values: NodeValues, scale: CostScale, num_disparities: int, subpixel: bool,
+    scratch: Float32, winners: BestSoFar,
+) -> None:
+    slots = scratch.shape[1]
     rounds = -(-num_disparities // (slots * BLOCK))
-    for task in numba.prange(views * slots):
-        view, slot = task // slots, task % slots
-        tree = _Tree(pointer(nodes.parent[view]), pointer(nodes.similarity[view]), pointer(nodes.inner[view]),
-                     length // BLOCK)
-        costs, rows = view_pointers(values, view), pointer(scratch[view, slot])
-        best = slot_pointers(winners, view, slot, slot * rounds * BLOCK, subpixel and view == 0)
-        for first in range(slot * rounds * BLOCK, min(num_disparities, (slot + 1) * rounds * BLOCK), BLOCK):
-            _leaf_to_root(tree, costs, first, scale, rows)
-            _root_to_leaf(tree, first, _behind(first, num_disparities), rows, best)
+    view, slot = task // slots, task % slots
+    tree = _Tree(pointer(nodes.parent[view]), pointer(nodes.similarity[view]), pointer(nodes.inner[view]),
+                 scratch.shape[2] // BLOCK)
+    costs, rows = view_pointers(values, view), pointer(scratch[view, slot])
+    best = slot_pointers(winners, view, slot, slot * rounds * BLOCK, subpixel and view == 0)
+    for first in range(slot * rounds * BLOCK, min(num_disparities, (slot + 1) * rounds * BLOCK), BLOCK):
+        _leaf_to_root(tree, costs, first, scale, rows)
+        _root_to_leaf(tree, first, _behind(first, num_disparities), rows, best)
 
 
 class _Tree(NamedTuple):

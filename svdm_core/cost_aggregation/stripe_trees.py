@@ -232,7 +232,7 @@ def _root_to_volume(tree: _Tree, sums: Uint16, inside: tuple[int, int], stride: 
     scale, half = splat_wide(np.uint16(LARGEST * 257), _LANES), splat_wide(np.uint16(128), _LANES)
     for k in range(tree.nodes):
         g = tree.down[k]
-        rest = np.uint16(65535) - g
+        rest = np.uint16(65535 - g)
         row = (multiply_high(load_wide(sums, np.int64(tree.parent[k]) * UNIT, _LANES), splat_wide(g, _LANES))
                + multiply_high(load_wide(sums, k * UNIT, _LANES), splat_wide(rest, _LANES)))
         store_wide(sums, k * UNIT, row)

@@ -129,15 +129,22 @@ def _best_slot(best: Int32, k: int) -> int:
 def _images(
     pixel: Int32, winners: BestSoFar, cost: Float32, end: int, per_slot: int, winner: Int16, vertex: Float32
 ) -> None:
-    nodes = pixel.shape[1]
-    for chunk in numba.prange(-(-nodes // _CHUNK)):
-        for k in range(chunk * _CHUNK, min(nodes, (chunk + 1) * _CHUNK)):
-            winner[1, pixel[1, k]] = winners.index[1, _best_slot(winners.best[1], k), k]
-            slot = _best_slot(winners.best[0], k)
-            d = winners.index[0, slot, k]
-            winner[0, pixel[0, k]] = d
-            inside = 0 < d < end and winners.beside.shape[2] > 0
-            vertex[pixel[0, k]] = _offset(winners, cost, slot, k, per_slot) if inside else np.float32(0)
+    for chunk in numba.prange(-(-pixel.shape[1] // _CHUNK)):
+        _images_of_chunk(chunk, pixel, winners, cost, (end, per_slot), winner, vertex)
+
+
+@kernel
+def _images_of_chunk(
+    chunk: int, pixel: Int32, winners: BestSoFar, cost: Float32, limits: tuple[int, int], winner: Int16, vertex: Float32
+) -> None:
+    end, per_slot = limits
+    for k in range(chunk * _CHUNK, min(pixel.shape[1], (chunk + 1) * _CHUNK)):
+        winner[1, pixel[1, k]] = winners.index[1, _best_slot(winners.best[1], k), k]
+        slot = _best_slot(winners.best[0], k)
+        d = winners.index[0, slot, k]
+        winner[0, pixel[0, k]] = d
+        inside = 0 < d < end and winners.beside.shape[2] > 0
+        vertex[pixel[0, k]] = _offset(winners, cost, slot, k, per_slot) if inside else np.float32(0)
 
 
 @kernel

@@ -75,20 +75,24 @@ def empty_values(planes: MatchingPlanes, nodes: int) -> NodeValues:
 @kernel(parallel=True)
 def gather_values(nodes: NodeValues, pixel: Int32, width: int) -> None:
     """Of the nodes of two trees, pixel int32 (2, N), W = width."""
-    views, count = pixel.shape
+    chunks = -(-pixel.shape[1] // _CHUNK)
+    for task in numba.prange(2 * chunks):
+        _gather_chunk(task // chunks, task % chunks, nodes, pixel, width)
+
+
+@kernel
+def _gather_chunk(view: int, chunk: int, nodes: NodeValues, pixel: Int32, width: int) -> None:
     planes, pitch = nodes.values.shape[1], nodes.values.shape[3]
-    for chunk in numba.prange(-(-count // _CHUNK)):
-        for view in range(views):
-            for k in range(chunk * _CHUNK, min(count, (chunk + 1) * _CHUNK)):
-                y, x = pixel[view, k] // width, pixel[view, k] % width
-                at = nodes.before + width - 1 - x
-                nodes.partner[view, k] = y * pitch + at
-                nodes.census_partner[view, k] = y * NIBBLES * pitch + at
-                for c in range(planes):
-                    nodes.own[view, k * planes + c] = np.float32(nodes.values[view, c, y, nodes.before + x])
-                if nodes.own_census.shape[1] > 0:
-                    for n in range(NIBBLES):
-                        nodes.own_census[view, k * _OWN_NIBBLES + n] = nodes.census[view, y, n, nodes.before + x]
+    for k in range(chunk * _CHUNK, min(pixel.shape[1], (chunk + 1) * _CHUNK)):
+        y, x = pixel[view, k] // width, pixel[view, k] % width
+        at = nodes.before + width - 1 - x
+        nodes.partner[view, k] = y * pitch + at
+        nodes.census_partner[view, k] = y * NIBBLES * pitch + at
+        for c in range(planes):
+            nodes.own[view, k * planes + c] = np.float32(nodes.values[view, c, y, nodes.before + x])
+        if nodes.own_census.shape[1] > 0:
+            for n in range(NIBBLES):
+                nodes.own_census[view, k * _OWN_NIBBLES + n] = nodes.census[view, y, n, nodes.before + x]
 
 
 class ViewPointers(NamedTuple):
