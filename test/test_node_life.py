@@ -5,7 +5,7 @@ import time
 
 import pytest
 from node_bench import (
-    ROOT,
+    CHECKOUT,
     Client,
     NodeProcess,
     disparities,
@@ -69,7 +69,7 @@ def test_a_bad_setting_at_the_start_is_told_in_one_line_and_ends_with_2(refused,
 
 
 def test_good_settings_at_the_start_are_taken(tmp_path):
-    arguments = ['--params-file', str(ROOT / 'config' / 'paper.yaml'), '-p', 'alpha:=2',
+    arguments = ['--params-file', str(CHECKOUT / 'config' / 'paper.yaml'), '-p', 'alpha:=2',
                  '-p', 'qos_overrides./left/image_rect.subscription.depth:=3',
                  '-p', 'use_sim_time:=false', '-p', 'start_type_description_service:=true']
     for name in MISSPELT:

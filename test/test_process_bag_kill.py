@@ -3,20 +3,16 @@ import multiprocessing
 import os
 import random
 import signal
-import sys
 import time
 from collections import Counter
 
+import processed_bag
 import pytest
 from recordings import LEFT_INFO, RIGHT_INFO, contents, stereo, write
 from scenes import two_walls
 
-from svdm_ros.bags import partial_bag
-from svdm_ros.bags.process_bag import main
-
 KILLS = 10
 PAIRS = 60
-SEGMENT = 500_000
 
 
 @pytest.fixture(scope='module')
@@ -28,14 +24,6 @@ def bag(tmp_path_factory):
     return write(tmp_path_factory.mktemp('kill') / 'bag', stereo(PAIRS, pixels=pixels))
 
 
-def _process(bag, output):
-    log = os.open(output.with_suffix('.log'), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    os.dup2(log, 1)
-    os.dup2(log, 2)
-    partial_bag.SEGMENT_BYTES, partial_bag.VOLUME_BYTES = SEGMENT, 4 * SEGMENT
-    sys.exit(main([str(bag), str(output), '--set', 'num_threads=1']))
-
-
 @pytest.fixture(scope='module')
 def start():
     """Starts process_bag in a process of its own, forked from one in which all is imported that takes time.
@@ -43,10 +31,11 @@ def start():
     Not a kernel: with the first one called come the threads of OpenMP, which survive no fork.
     """
     context = multiprocessing.get_context('forkserver')
-    context.set_forkserver_preload(['numba', 'cv2', 'rich.progress', 'rosbags.convert.converter', __name__])
+    context.set_forkserver_preload(
+        ['numba', 'cv2', 'rich.progress', 'rosbags.convert.converter', processed_bag.__name__])
 
     def started(bag, output):
-        process = context.Process(target=_process, args=(bag, output))
+        process = context.Process(target=processed_bag.process, args=(bag, output))
         process.start()
         return process
     return started

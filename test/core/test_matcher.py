@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import oracles
 import pytest
+from checkout import CHECKOUT
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
@@ -160,15 +161,14 @@ def test_the_result_does_not_depend_on_threads_or_run_or_reuse():
 def test_more_threads_than_cores_give_the_same_as_one():
     """In a process of its own: the number of threads is fixed when numba loads."""
     code = (
-        'import hashlib, sys; sys.path.insert(0, "test")\n'
+        'import hashlib, sys; sys.path.insert(0, "test/support")\n'
         'from scenes import noise; from svdm_core import StereoMatcher, MatcherParameters\n'
         'matcher = StereoMatcher(MatcherParameters(num_disparities=100, median_scope="all", w_p=5))\n'
         'result = matcher.compute(noise(30, 60), noise(30, 60, seed=1))\n'
         'print(hashlib.sha256(result.disparity.tobytes() + result.valid.tobytes()).hexdigest())\n'
     )
-    root = Path(__file__).resolve().parent.parent
     digests = {
-        subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True,
+        subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, check=True, capture_output=True, text=True,
                        env={**os.environ, 'NUMBA_NUM_THREADS': str(threads)}).stdout
         for threads in (1, 2, 7)
     }
@@ -311,6 +311,6 @@ def test_no_module_imports_ros():
 
 def test_nothing_of_ros_is_loaded():
     code = 'import sys; from svdm_core import StereoMatcher; print(*sys.modules)'
-    root = Path(__file__).resolve().parent.parent
-    loaded = subprocess.run([sys.executable, '-c', code], cwd=root, check=True, capture_output=True, text=True).stdout
-    assert not ROS & set(loaded.split()) and 'numba' in loaded
+    run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, check=True, capture_output=True, text=True)
+    loaded = set(run.stdout.split())
+    assert not ROS & loaded and 'numba' in loaded

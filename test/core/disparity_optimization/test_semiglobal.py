@@ -6,7 +6,7 @@ from stages import Stages
 
 from svdm_core import MatcherParameters, StereoMatcher
 from svdm_core.cost_aggregation.tree import ForestNodes, aggregate_volume
-from svdm_core.disparity_optimization.penalties import FROM_ABOVE, FROM_LEFT, fill_penalties, penalties_shape
+from svdm_core.disparity_optimization.penalties import fill_penalties, penalties_shape
 from svdm_core.disparity_optimization.semiglobal import (
     LARGEST,
     cost_factor,
@@ -106,18 +106,6 @@ def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, dispa
     sums = stored.reshape(2, *shape, -1)[..., :disparities].astype(int)
     np.testing.assert_allclose(sums, volume, atol=1)
     assert sums.max() + scaled_penalties(parameters)[1] <= LARGEST  # four such sums fit into 16 bits
-
-
-def test_a_penalty_is_halved_at_an_edge_of_p2_edge_and_never_below_p1():
-    image = np.zeros((3, 4, 3), np.uint8)
-    image[:, 2:, 1] = 20
-    image[2, :, 2] = 180
-    penalties = np.zeros(penalties_shape(3, 4), np.uint16)
-    fill_penalties(image, image, 30, 200, 20.0, penalties)
-    left, mirrored = penalties.reshape(2, 2, 4, 4)
-    np.testing.assert_array_equal(left[FROM_LEFT, :3, 1:], [[200, 100, 200]] * 3)
-    np.testing.assert_array_equal(mirrored[FROM_LEFT, :3, 1:], [[200, 100, 200]] * 3)
-    np.testing.assert_array_equal(left[FROM_ABOVE, 1:3], [[200] * 4, [30] * 4])
 
 
 def test_the_volume_after_the_tree_is_divided_by_the_support_and_scaled():

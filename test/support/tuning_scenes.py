@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scene_files import write_pfm
 from scenes import two_walls
-from test_datasets import write_pfm
 
 from svdm_core.commands import tune
 from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
+from checkout import CHECKOUT
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
@@ -26,7 +27,6 @@ with warnings.catch_warnings():  # comes with the first message that is sent, fr
     warnings.simplefilter('ignore', DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
-ROOT = Path(__file__).resolve().parents[1]
 LIMIT = 20.0
 WIDTH, HEIGHT, SHIFT = 120, 90, 7
 FOCAL_LENGTH, BASELINE, PRINCIPAL_OFFSET = 100.0, 0.2, 2.5
@@ -77,7 +77,7 @@ class NodeProcess:
             arguments += ['--ros-args', *ros_arguments]
         with log.open('w') as output:
             self._process = subprocess.Popen(
-                arguments, cwd=ROOT, stdout=output, stderr=subprocess.STDOUT,
+                arguments, cwd=CHECKOUT, stdout=output, stderr=subprocess.STDOUT,
                 env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment})
 
     @property

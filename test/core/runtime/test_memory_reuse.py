@@ -2,11 +2,10 @@
 import statistics
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from checkout import CHECKOUT
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 FRAMES = '''
 from svdm_core.runtime import configure
 configure()

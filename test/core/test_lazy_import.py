@@ -1,13 +1,12 @@
 """`import svdm_core` takes no time and leaves the process as it was; its names come when they are used."""
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from checkout import CHECKOUT
 
 import svdm_core
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 IMPORT = '''
 import os, signal, sys, time
 environment, begin = dict(os.environ), time.perf_counter()

@@ -16,10 +16,11 @@ KITTI = {
 }
 
 
-def write_pfm(path, values, scale=-1.0):
+def write_pfm(path, values, scale=-1.0, kind='Pf'):
     """A PFM of (H, W), big-endian where `scale` is positive."""
-    header = f'Pf\n{values.shape[1]} {values.shape[0]}\n{scale}\n'.encode()
-    path.write_bytes(header + values[::-1].astype('<f4' if scale < 0 else '>f4').tobytes())
+    data = values[::-1].astype('<f4' if scale < 0 else '>f4').tobytes()
+    path.write_bytes(f'{kind}\n{values.shape[1]} {values.shape[0]}\n{scale}\n'.encode() + data)
+    return path
 
 
 def wall_truth(value=float(SHIFT)):

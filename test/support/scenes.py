@@ -24,3 +24,8 @@ def two_walls(height=60, width=90, near=12, far=4, seed=2):
     right[rows, columns.start - near:columns.stop - near] = square
     truth[rows, columns] = near
     return left, right, truth
+
+
+def labels(shape, seed, end=8):
+    """Independent random disparities 0 .. end - 1, int32."""
+    return np.random.default_rng(seed).integers(0, end, shape).astype(np.int32)

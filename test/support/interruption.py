@@ -1,16 +1,12 @@
-"""Ctrl-C of the commands: a quiet end with 130, at whatever moment it comes."""
+"""A command that gets SIGINT."""
 import os
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
-
-CHECKOUT = Path(__file__).resolve().parents[1]
-BENCHMARK = ('-m', 'svdm_core', 'benchmark', '--size', '160x120', '--disparities', '16', '--rounds', '100000')
-NODE_BENCHMARK = ('-m', 'svdm_ros.node_benchmark', '--seconds', '1000')
+from checkout import CHECKOUT
 
 
 def interrupted(arguments, seconds, *, as_terminal):
@@ -27,11 +23,3 @@ def interrupted(arguments, seconds, *, as_terminal):
     with pytest.raises(ProcessLookupError):  # none of its children is left
         os.killpg(process.pid, 0)
     return process.returncode, *output
-
-
-@pytest.mark.parametrize(('arguments', 'seconds', 'as_terminal'), [
-    (BENCHMARK, 0.5, True), (BENCHMARK, 4, True), (BENCHMARK, 4, False),
-    (NODE_BENCHMARK, 0.3, False), (NODE_BENCHMARK, 1.5, True), (NODE_BENCHMARK, 6, True)])
-def test_it_ends_quietly_with_130_and_leaves_no_process(arguments, seconds, as_terminal):
-    code, _, error = interrupted(arguments, seconds, as_terminal=as_terminal)
-    assert code == 130 and 'Traceback' not in error, error

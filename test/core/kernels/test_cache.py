@@ -140,12 +140,6 @@ def test_folders_that_were_not_used_for_a_month_are_removed_and_nothing_else(ins
     assert {path.name for path in place.iterdir() if path.is_dir()} == {own.name, f'{KERNEL_FOLDER}other', 'mine'}
 
 
-def test_numba_is_left_as_it_was(installation):
-    code = 'import small.matching_cost.scaling, numba; print(repr(numba.config.CACHE_DIR))'
-    assert installation.run(code)[0] == "''"
-    assert installation.run(code, NUMBA_CACHE_DIR=str(installation.folder / 'asked'))[0].endswith("asked'")
-
-
 def test_every_kernel_is_in_a_folder_of_the_sources():
     modules = [importlib.import_module(module.name) for module in pkgutil.walk_packages([CORE], 'svdm_core.')
                if not module.name.endswith('__main__')]
@@ -155,8 +149,3 @@ def test_every_kernel_is_in_a_folder_of_the_sources():
     assert outside == set()
     places = {Path(kernel.py_func.__code__.co_filename).relative_to(CORE).parts[0] for kernel in kernels}
     assert places <= set(cache._KERNEL_FOLDERS)
-
-
-def test_every_kernel_is_made_by_the_one_decorator():
-    outside = [path.name for path in CORE.rglob('*.py') if 'njit' in path.read_text()]
-    assert outside == ['compilation.py']

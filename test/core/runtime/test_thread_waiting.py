@@ -2,11 +2,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from checkout import CHECKOUT
 
-CHECKOUT = Path(__file__).resolve().parents[1]
 WAITING = ('GOMP_SPINCOUNT', 'OMP_WAIT_POLICY')
 
 

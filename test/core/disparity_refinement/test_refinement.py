@@ -1,42 +1,10 @@
 import numpy as np
 import oracles
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scenes import noise
+from scenes import labels, noise
 
 from svdm_core import MatcherParameters
-from svdm_core.disparity_refinement.filling import fill_along_scanlines
-from svdm_core.disparity_refinement.left_right import left_right_check
 from svdm_core.disparity_refinement.refinement import refine
-
-SHAPES = st.tuples(st.integers(1, 6), st.integers(1, 12))
-
-
-def labels(shape, seed, end=8):
-    return np.random.default_rng(seed).integers(0, end, shape).astype(np.int32)
-
-
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(SHAPES, st.integers(0, 4), st.sampled_from([0.0, 0.5, 1.0, 2.5]), st.integers(0, 2**32 - 1))
-def test_left_right_check_is_equation_15(shape, min_disparity, tau_lr, seed):
-    left, right = labels(shape, seed, 4), labels(shape, seed + 1, 4)
-    np.testing.assert_array_equal(left_right_check(left, right[:, ::-1], min_disparity, tau_lr),
-                                  oracles.left_right_check(left, right, min_disparity, tau_lr))
-
-
-@settings(max_examples=80, deadline=None, derandomize=True)
-@given(SHAPES, st.floats(0, 1), st.integers(0, 2**32 - 1))
-def test_filling_is_equation_16(shape, share, seed):
-    disparity, valid = labels(shape, seed), np.random.default_rng(seed).random(shape) < share
-    before = disparity.copy()
-    np.testing.assert_array_equal(fill_along_scanlines(disparity, valid), oracles.fill(disparity, valid))
-    np.testing.assert_array_equal(disparity, before)
-
-
-def test_filling_takes_the_background():
-    disparity = np.array([[9, 0, 0, 3, 0]], np.int32)
-    assert fill_along_scanlines(disparity, disparity > 0).tolist() == [[9, 3, 3, 3, 3]]
 
 
 @pytest.mark.parametrize('scope', ['filled', 'all'])
