@@ -50,7 +50,7 @@ class ExactRoute:
         clock.work(crew, [Phase('matching_cost', 2 * block_count(height), fill_plane_blocks,
                                 (images, self._planes, np.float32(INTENSITY), parameters.gradient == 'magnitude'))])
         with clock.stage('matching_cost'):
-            gather(self._nodes, self._values, self._trees, width, parameters)
+            gather(self._nodes, self._values, self._trees, width, parameters, float(images.level_unit))
         with clock.stage('cost_aggregation'):
             aggregate(self._nodes, self._values, parameters, self._scratch, self._best)
         with clock.stage('disparity_optimization'):

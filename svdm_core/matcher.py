@@ -11,6 +11,7 @@ from .disparity_refinement.refinement import Refinement
 from .exact_route import ExactRoute
 from .kernels.arrays import Bool, Float32, Image
 from .kernels.stripes import block_count
+from .matching_cost.intensity_range import IntensityRange
 from .matching_cost.preparation import PairImages, fill_levels, images_of
 from .disparity_optimization.winners import Winners
 from .parameters import MatcherParameters
@@ -85,8 +86,10 @@ class StereoMatcher:
     def _prepare(self, left: Image, right: Image, clock: StageClock) -> PairImages:
         """Grey levels of 8 bits, which do not depend on the depth of the images."""
         self._crew.gather(self.threads)
-        scale = 0.0, 1 / 255 if left.dtype == np.uint8 else 1 / 65535
-        self._images = images = images_of(left, right, scale, self._images)
+        with clock.stage('matching_cost'):
+            own = self.parameters.intensity_range == 'pair'
+            found = IntensityRange.of(left, right) if own else IntensityRange.full(left.dtype)
+            self._images = images = images_of(left, right, found, self._images)
         clock.work(self._crew, [Phase('matching_cost', 2 * block_count(left.shape[0]), fill_levels, (images,))])
         return images
 

@@ -111,6 +111,9 @@ class MatcherParameters:
         0, 'smallest disparity searched; below 0 for verged cameras', unit='px', minimum=-1024, maximum=1024)
     num_disparities: int = _parameter(
         64, 'number of disparities searched, from min_disparity up', unit='px', minimum=1, maximum=1024)
+    intensity_range: str = _parameter(
+        'pair', 'what intensities on 0..1 and grey levels refer to: the range that the pair itself uses, or the full '
+        'range of its data type (the paper)', choices=('pair', 'full'))
     gradient: str = _parameter(
         'horizontal', "gradient compared: signed x difference, halved, or the paper's magnitude (eq 5)",
         choices=('horizontal', 'magnitude'))

@@ -47,14 +47,14 @@ class StripeRoute:
     def phases(self, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
         """Stages 1 to 3 of a pair whose levels are there."""
         blocks, magnitude = block_count(self.left.height), parameters.gradient == 'magnitude'
-        penalties = self._penalties(parameters)
+        penalties = self._penalties(parameters, float(images.level_unit))
         phases = [Phase('matching_cost', 2 * blocks, fill_plane_blocks,
                         (images, self._planes, np.float32(INTENSITY), magnitude)),
                   Phase('disparity_optimization', blocks + block_count(self.right.height), fill_penalty_blocks,
                         (penalties, images.levels, self.left, self.right))]
         costs = [self._costs(side, parameters) for side in self.sides]
         for side, own in zip(self.sides, costs, strict=True):
-            phases += side.phases(own, images.levels, parameters)
+            phases += side.phases(own, images, parameters)
         # Boxes of either view have the same costs; where only one has boxes, they are its own.
         boxes = costs[1] if self.sides[0].volume.size else costs[0]
         views = Views(self.left.height, self.right.height, self.left.width, self.right.every, parameters.paths,
@@ -71,11 +71,11 @@ class StripeRoute:
     def _costs(self, side: StripeAggregation, parameters: MatcherParameters) -> ByteCosts:
         return byte_costs(self._planes, self.left.width, parameters, width_of(self._lanes), side.pixel_cost)
 
-    def _penalties(self, parameters: MatcherParameters) -> Penalties:
+    def _penalties(self, parameters: MatcherParameters, level_unit: float) -> Penalties:
         units = [side.full_cost / max(largest_cost(parameters), 1e-9) for side in self.sides]
         p1 = [np.uint8(min(round(min(parameters.p1, parameters.p2) * unit), 255)) for unit in units]
         p2 = [np.float32(min(parameters.p2 * unit, 255)) for unit in units]
-        return Penalties(p1[0], p1[1], p2[0], p2[1], np.float32(parameters.p2_edge), self._across, self._down)
+        return Penalties(p1[0], p1[1], p2[0], p2[1], np.float32(parameters.p2_edge / level_unit), self._across, self._down)
 
 
 def right_aggregation(parameters: MatcherParameters, channels: int) -> str:

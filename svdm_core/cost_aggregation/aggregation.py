@@ -9,6 +9,7 @@ import numpy as np
 from ..kernels.arrays import Uint8, aligned_zeros
 from ..kernels.stripes import Rows
 from ..matching_cost.byte_costs import ByteCosts
+from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
 from ..phases import Phase
 
@@ -40,5 +41,5 @@ class StripeAggregation(abc.ABC):
         self.volume: Uint8 = aligned_zeros((view.rows.height * view.rows.width * view.lanes,), np.uint8)
 
     @abc.abstractmethod
-    def phases(self, costs: ByteCosts, levels: Uint8, parameters: MatcherParameters) -> list[Phase]:
-        """What fills the volume of a pair; levels: uint8 (2, C, H, W), grey levels of both images, not mirrored."""
+    def phases(self, costs: ByteCosts, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
+        """What fills the volume of a pair."""

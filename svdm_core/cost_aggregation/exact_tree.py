@@ -48,9 +48,12 @@ def empty_nodes(trees: SpanningTrees) -> TreeNodes:
     return TreeNodes(trees.parent, np.zeros(shape, np.float32), np.zeros(shape, np.uint8))
 
 
-def gather(nodes: TreeNodes, values: NodeValues, trees: SpanningTrees, width: int, parameters: MatcherParameters) -> None:
+def gather(
+    nodes: TreeNodes, values: NodeValues, trees: SpanningTrees, width: int, parameters: MatcherParameters,
+    level_unit: float = 1.0,
+) -> None:
     """Take over the trees, and what stage 1 compares, of images `width` px wide."""
-    _supports(nodes, trees.weight, edge_similarities(parameters.sigma_tree, parameters.d_y))
+    _supports(nodes, trees.weight, edge_similarities(parameters.sigma_tree, parameters.d_y, level_unit))
     gather_values(values, trees.pixel, width)
 
 
@@ -62,9 +65,10 @@ def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
     return edge_similarities(sigma_tree, d_y)[weight]
 
 
-def edge_similarities(sigma_tree: float, d_y: int) -> Float32:
-    """`edge_similarity` of the weights 0 .. 255."""
-    levels = np.arange(256)
+def edge_similarities(sigma_tree: float, d_y: int, level_unit: float = 1.0) -> Float32:
+    """`edge_similarity` of the weights 0 .. 255, each `level_unit` grey levels; d_y = 255 cuts none."""
+    levels = np.arange(256) * level_unit
+    d_y = d_y if d_y < 255 else np.inf
     return np.where(levels > d_y, 0.0, np.exp(-levels / (255 * sigma_tree))).astype(np.float32)
 
 

@@ -23,6 +23,7 @@ from ..kernels.tasks import take
 from ..kernels.vectors import pointer
 from ..kernels.wide import load_wide, multiply_high, narrow_wide, shift_right, splat_wide, store_wide, widen
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
+from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
 from ..phases import Phase
 from .aggregation import StripeAggregation, View
@@ -32,8 +33,9 @@ from .spanning_forest import SPARE, build_tree
 HALO = 8
 """Image rows that a tree reaches beyond its stripe."""
 
-LARGEST = 120
-"""The largest aggregated cost, in bytes: with P2 it stays in 8 bits."""
+LARGEST = 64
+"""The largest aggregated cost, in bytes: with P2 it stays in 8 bits, and so does half the sum of four paths where a
+disparity is any good. 120 would be finer, and then sums saturate."""
 
 PIXEL_COST = 255
 """The largest cost of two pixels, in bytes."""
@@ -253,8 +255,9 @@ class TreeAggregation(StripeAggregation):
         self._stripes = stripe_count(view.rows)
         self._trees = empty_trees(self._stripes, view.rows)
 
-    def phases(self, costs: ByteCosts, levels: Uint8, parameters: MatcherParameters) -> list[Phase]:
-        similarities = edge_similarities(parameters.sigma_tree, parameters.d_y)
+    def phases(self, costs: ByteCosts, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
+        levels = images.levels
+        similarities = edge_similarities(parameters.sigma_tree, parameters.d_y, float(images.level_unit))
         rows, number, scratch = self.view.rows, self.view.number, scratch_size(self.view.rows)
         if parameters.guide_blur > 1:
             levels = np.stack([[cv2.medianBlur(plane, parameters.guide_blur) for plane in view] for view in levels])

@@ -1,7 +1,7 @@
 """Stage 3, semi-global: costs smoothed along scanlines from three or four sides (Hirschmueller 2008), in bytes.
 
-L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2(q, p)) - min L(q), q the pixel before p. The sums
-saturate: what is at the limit is so bad that it does not win. All disparities of a pixel are one vector.
+L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2(q, p)) - min L(q), q the pixel before p. Sums of three
+paths, and halved ones of four, saturate: what is at the limit is so bad that it does not win. All disparities of a pixel are one vector.
 """
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ..kernels.wide import (
     UNIT,
     Lanes,
     add_saturated,
+    average,
     first_equal_wide,
     lanes_above,
     lanes_below,
@@ -26,6 +27,9 @@ from ..kernels.wide import (
     store_wide,
     subtract_saturated,
 )
+
+FROM_LEFT, ADDED, AVERAGED = 0, 1, 2
+"""What `along_rows` does."""
 
 ROWS = 4
 """Rows smoothed along at a time: the instructions of one need not wait for those of its neighbour."""
@@ -42,9 +46,10 @@ def _step(same: Any, cost: Any, low: np.uint8, smooth: Any, jump: np.uint8, lane
 
 @kernel
 def along_rows(
-    costs: Uint8, rows: int, width: int, p1: np.uint8, p2: Uint8, backwards: bool, sums: Uint8, lanes: Lanes
+    costs: Uint8, rows: int, width: int, p1: np.uint8, p2: Uint8, way: int, sums: Uint8, lanes: Lanes
 ) -> None:
-    """Path costs from the left, or added to them those from the right, of up to ROWS rows at once.
+    """Path costs of up to ROWS rows at once: those from the left (way FROM_LEFT), or combined with them those from the
+    right: ADDED, or where there are four paths AVERAGED.
 
     costs: uint8 (rows * W * lanes); p2: uint8, one for each pixel (its step from the left), and one more; sums: uint8
     (ROWS * W * lanes), of which rows that are not there get numbers without meaning.
@@ -56,25 +61,29 @@ def along_rows(
     b, c, d = a, a, a
     low_a, low_b, low_c, low_d = np.uint8(0), np.uint8(0), np.uint8(0), np.uint8(0)
     for k in range(width):
-        x = width - 1 - k if backwards else k
-        o, there = x * step, x + 1 if backwards else x
+        x = k if way == FROM_LEFT else width - 1 - k
+        o, there = x * step, x if way == FROM_LEFT else x + 1
         a = _step(a, load_wide(cost, o, lanes), low_a, smooth, jump[there], lanes)
-        _put(a, backwards, to, o, lanes)
+        _put(a, way, to, o, lanes)
         low_a = least_wide(a)
         b = _step(b, load_wide(cost, o + b_row * row, lanes), low_b, smooth, jump[b_row * width + there], lanes)
-        _put(b, backwards, to, o + row, lanes)
+        _put(b, way, to, o + row, lanes)
         low_b = least_wide(b)
         c = _step(c, load_wide(cost, o + c_row * row, lanes), low_c, smooth, jump[c_row * width + there], lanes)
-        _put(c, backwards, to, o + 2 * row, lanes)
+        _put(c, way, to, o + 2 * row, lanes)
         low_c = least_wide(c)
         d = _step(d, load_wide(cost, o + d_row * row, lanes), low_d, smooth, jump[d_row * width + there], lanes)
-        _put(d, backwards, to, o + 3 * row, lanes)
+        _put(d, way, to, o + 3 * row, lanes)
         low_d = least_wide(d)
 
 
 @kernel
-def _put(path: Any, add: bool, to: Any, at: int, lanes: Lanes) -> None:
-    store_wide(to, at, add_saturated(path, load_wide(to, at, lanes)) if add else path)
+def _put(path: Any, way: int, to: Any, at: int, lanes: Lanes) -> None:
+    if way == ADDED:
+        path = add_saturated(path, load_wide(to, at, lanes))
+    elif way == AVERAGED:
+        path = average(path, load_wide(to, at, lanes))
+    store_wide(to, at, path)
 
 
 class Line(NamedTuple):
@@ -107,8 +116,8 @@ def take_winners(
 ) -> None:
     """The last path, from above, and the winners of one row: the disparities of the smallest sums.
 
-    steps: P1, and P2 as in `along_columns`. sums: those of the other paths, which become those of all; more: uint8
-    (W * lanes) to be added, or empty. barrier: uint8 (lanes), 255 behind the search range. winner: int16 (W).
+    steps: P1, and P2 as in `along_columns`. sums: those of the paths along rows, which become those of all; more: uint8
+    (W * lanes), those from below, or empty; with them, sums are halved. barrier: uint8 (lanes), 255 behind the search range. winner: int16 (W).
     """
     cost, last, low, jump, to = pointer(costs), pointer(line.costs), pointer(line.low), pointer(steps[1]), pointer(sums)
     third, best, added, step = pointer(more), pointer(winner), more.size > 0, UNIT * len(lanes)
@@ -118,9 +127,9 @@ def take_winners(
         path = _step(load_wide(last, o, lanes), load_wide(cost, o, lanes), low[x], smooth, jump[x], lanes)
         store_wide(last, o, path)
         low[x] = least_wide(path)
-        total = add_saturated(path, load_wide(to, o, lanes))
         if added:
-            total = add_saturated(total, load_wide(third, o, lanes))
+            path = average(path, load_wide(third, o, lanes))
+        total = add_saturated(path, load_wide(to, o, lanes))
         store_wide(to, o, total)
         total = total | behind
         best[x] = np.int16(first_equal_wide(total, least_wide(total)))

@@ -57,20 +57,27 @@ def _fill_block(task: int, penalties: Penalties, levels: Uint8, left: Rows, righ
 @kernel
 def _fill_row(penalties: Penalties, view: int, levels: Uint8, row: int, above: int, y: int) -> None:
     """Row y of a view: image row `row` of levels, uint8 (C, H, W), whose neighbour above is image row `above`."""
-    width = levels.shape[2]
-    across, down = np.zeros(width + 1, np.uint8), np.zeros(width, np.uint8)
+    width, mirrored = levels.shape[2], view == 1
+    edges, near = np.zeros((2, width), np.uint8), np.zeros((2, width), np.uint8)
     for c in range(levels.shape[0]):
-        _raise_to_difference(levels[c, row, 1:], levels[c, row, :-1], across[1:width])
-        _raise_to_difference(levels[c, row], levels[c, above], down)
+        _copy_row(levels[c, row], mirrored, near[0])
+        _copy_row(levels[c, above], mirrored, near[1])
+        _raise_to_difference(near[0, 1:], near[0, :-1], edges[0, 1:])
+        _raise_to_difference(near[0], near[1], edges[1])
     p1, p2 = (penalties.p1_left, penalties.p2_left) if view == 0 else (penalties.p1_right, penalties.p2_right)
-    pixels = slice(y * width, (y + 1) * width)
-    to = penalties.across[view, pixels], penalties.down[view, pixels]
-    if view == 1:  # the step before a pixel is the one behind it, seen in a mirror
-        across, down = across[1:][::-1], down[::-1]
+    first, last = y * width, (y + 1) * width
+    _look_up(edges[0], p1, p2, penalties.p2_edge, penalties.across[view, first:last])
+    _look_up(edges[1], p1, p2, penalties.p2_edge, penalties.down[view, first:last])
+
+
+@kernel
+def _copy_row(row: Uint8, mirrored: bool, to: Uint8) -> None:
+    if mirrored:
+        for x in range(to.size):
+            to[x] = row[to.size - 1 - x]
     else:
-        across, down = across[:-1][::1], down[::1]
-    _look_up(across, p1, p2, penalties.p2_edge, to[0])
-    _look_up(down, p1, p2, penalties.p2_edge, to[1])
+        for x in range(to.size):
+            to[x] = row[x]
 
 
 @kernel

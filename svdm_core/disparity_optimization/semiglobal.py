@@ -18,7 +18,7 @@ from ..kernels.stripes import OVERLAP, STRIPE, Rows, stripe_rows
 from ..kernels.tasks import take, whole_lines
 from ..kernels.wide import UNIT, Lanes
 from ..matching_cost.byte_costs import ByteCosts
-from .paths import ROWS, Line, along_columns, along_rows, fill_vertices, take_winners
+from .paths import ADDED, AVERAGED, FROM_LEFT, ROWS, Line, along_columns, along_rows, fill_vertices, take_winners
 from .penalties import Penalties
 
 
@@ -192,8 +192,8 @@ def _finish_rows(
     row, width = way.width * UNIT * len(lanes), way.width
     p1 = penalties.p1_left if way.side == 0 else penalties.p1_right
     across = penalties.across[way.side, y * width:]
-    along_rows(costs, count, width, p1, across, False, scratch.sums, lanes)
-    along_rows(costs, count, width, p1, across, True, scratch.sums, lanes)
+    along_rows(costs, count, width, p1, across, FROM_LEFT, scratch.sums, lanes)
+    along_rows(costs, count, width, p1, across, AVERAGED if way.from_below else ADDED, scratch.sums, lanes)
     for k in range(count):
         steps = p1, penalties.down[way.side, (y + k) * width:]
         sums, kept = scratch.sums[k * row:(k + 1) * row], (y + k - way.first) * row

@@ -28,7 +28,7 @@ from ..kernels.wide import (
     store_wide,
     subtract_saturated,
     sum_wide,
-    where_less,
+    where_at_most,
     widen,
 )
 
@@ -189,7 +189,8 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
         store_wide(at.weights, k * step, weight)
         store_wide(at.near, k * step, load_wide(at.labels, (y + k) * at.pitch + x, lanes))
         total = total + widen(weight)
-    return _weighted_median(at, sum_wide(total), lanes)
+    guess = np.int64(at.labels[(y + at.side // 2) * at.pitch + x + at.side // 2])
+    return _weighted_median(at, guess, sum_wide(total), lanes)
 
 
 @kernel
@@ -218,14 +219,24 @@ def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
 
 
 @kernel
-def _weighted_median(at: _Pointers, total: np.uint32, lanes: Lanes) -> int:
-    """The smallest label with half of the weight at or below it, bit by bit."""
-    step, label = UNIT * len(lanes), 0
-    for bit in range(at.label_bits - 1, -1, -1):
-        probe = label + (1 << bit)
-        limit, below = splat_wide(np.uint8(probe), lanes), splat_wide(np.uint16(0), lanes)
-        for o in range(0, at.side * step, step):
-            below = below + widen(where_less(load_wide(at.near, o, lanes), limit, load_wide(at.weights, o, lanes)))
-        if 2 * np.int64(sum_wide(below)) < total:
-            label = probe
-    return label
+def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) -> int:
+    """The smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
+    low, high, probe, step = 0, (1 << at.label_bits) - 1, guess, 1
+    while low < high:
+        if 2 * np.int64(_weight_up_to(at, probe, lanes)) >= total:
+            high, probe = probe, max(low, probe - step)
+        else:
+            low, probe = probe + 1, min(high - 1, probe + step)
+        if probe < low or probe >= high or step > 8:
+            probe = (low + high) // 2
+        step *= 2
+    return low
+
+
+@kernel
+def _weight_up_to(at: _Pointers, label: int, lanes: Lanes) -> np.uint32:
+    step = UNIT * len(lanes)
+    limit, below = splat_wide(np.uint8(label), lanes), splat_wide(np.uint16(0), lanes)
+    for o in range(0, at.side * step, step):
+        below = below + widen(where_at_most(load_wide(at.near, o, lanes), limit, load_wide(at.weights, o, lanes)))
+    return sum_wide(below)

@@ -44,20 +44,20 @@ class Refinement:
         clock.work(crew, [Phase(_STAGE, block_count(self._shape[0]), check_and_fill, (checked,))])
         if in_bytes(parameters):
             disparity = np.empty(self._shape, np.float32)
-            clock.work(crew, self._in_bytes(winners, valid, images.levels[0], parameters, disparity))
+            clock.work(crew, self._in_bytes(winners, valid, images, parameters, disparity))
             return disparity, valid
         with clock.stage(_STAGE):
             return self._literal(winners, valid, images, parameters), valid
 
     def _in_bytes(
-        self, winners: Winners, valid: Bool, levels: Uint8, parameters: MatcherParameters, disparity: Float32
+        self, winners: Winners, valid: Bool, images: PairImages, parameters: MatcherParameters, disparity: Float32
     ) -> list[Phase]:
         height, width = self._shape
         maps = byte_median.MedianMaps(self._labels, self._guide, valid, self._filled, winners.vertex, self._fixed)
-        window = byte_median.median_window(width, parameters.w_p, parameters.sigma_s, parameters.sigma_c,
-                                           parameters.num_disparities)
+        window = byte_median.median_window(width, parameters.w_p, parameters.sigma_s,
+                                           parameters.sigma_c / float(images.level_unit), parameters.num_disparities)
         tasks, lanes = -(-height // byte_median.ROWS), byte_median.window_lanes(parameters.w_p)
-        return [Phase(_STAGE, tasks, byte_median.fill_margins, (maps, parameters.w_p, levels)),
+        return [Phase(_STAGE, tasks, byte_median.fill_margins, (maps, parameters.w_p, images.levels[0])),
                 Phase(_STAGE, tasks, byte_median.take_medians, (maps, window, lanes),
                       byte_median.scratch_size(parameters.w_p)),
                 Phase(_STAGE, block_count(height), final_median.smooth_map,

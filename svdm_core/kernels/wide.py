@@ -178,6 +178,14 @@ def _high_product(builder: Any, wide: Wide, a: Any, b: Any) -> Any:
     return builder.trunc(builder.lshr(product, bits), wide.piece_type())
 
 
+def _rounded_mean(builder: Any, wide: Wide, a: Any, b: Any) -> Any:
+    double = ir.VectorType(ir.IntType(2 * wide.element.bitwidth), wide.piece)
+    one = ir.Constant(double, [1] * wide.piece)
+    total = builder.add(builder.add(builder.zext(a, double), builder.zext(b, double)), one)
+    return builder.trunc(builder.lshr(total, one), wide.piece_type())
+
+
+average = _lanewise('(a + b + 1) / 2 of unsigned lanes, rounded down.', _rounded_mean)
 multiply_high = _lanewise('The upper half of the products of unsigned lanes.', _high_product)
 
 
@@ -319,17 +327,25 @@ def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
     return types.int32(a, value), generate
 
 
-@_intrinsic
-def where_less(_: Any, a: Any, b: Any, then: Any) -> Any:
-    """`then` in the lanes in which a < b, else 0; unsigned lanes."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        zero = _constant(then, 0)
-        pieces = zip(*(_split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
-                     strict=True)
-        return _join(builder, [builder.select(builder.icmp_unsigned('<', x, y), value, zero)
-                               for x, y, value in pieces], then)
+def _where(meaning: str, condition: str) -> Any:
+    """An intrinsic f(a, b, then): `then` in the lanes in which a and b, unsigned, meet the condition, else 0."""
+    @_intrinsic
+    def where(_: Any, a: Any, b: Any, then: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            zero = _constant(then, 0)
+            pieces = zip(*(_split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
+                         strict=True)
+            return _join(builder, [builder.select(builder.icmp_unsigned(condition, x, y), value, zero)
+                                   for x, y, value in pieces], then)
 
-    return then(a, b, then), generate
+        return then(a, b, then), generate
+
+    where.__doc__ = meaning
+    return where
+
+
+where_less = _where('f(a, b, then): `then` in the lanes in which a < b, else 0; unsigned lanes.', '<')
+where_at_most = _where('f(a, b, then): `then` in the lanes in which a <= b, else 0; unsigned lanes.', '<=')
 
 
 @_intrinsic

@@ -41,7 +41,7 @@ def empty_planes(
     """Room for images of `shape` (H, W) or (H, W, C), matched at `disparities` and those that fill up a vector."""
     height, width = shape[:2]
     channels = 1 if len(shape) == 2 else shape[2]
-    before, behind = max(0, -disparities.start), max(0, disparities.stop)
+    before, behind = max(0, -disparities.start), max(census.MARGIN, disparities.stop)
     pitch = before + width + behind
     values = np.full((2, channels + 1, height if has_values else 0, pitch), NOTHING, np.int16)
     bits = np.zeros((2, height if has_census else 0, census.NIBBLES, pitch), np.uint8)

@@ -10,14 +10,15 @@ from ..kernels.arrays import Image, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
 from ..kernels.tasks import take
+from .intensity_range import IntensityRange
 from .planes import MatchingPlanes, fill_planes
 
 
 class PairImages(NamedTuple):
     """left, right: (H, W, C) uint8 or uint16, C 1 or 3 (BGR); left_grey, right_grey: (H, W) of the same type, the
-    images themselves where C is 1. levels: uint8 (2, C, H, W), both in grey levels of 8 bits.
+    images themselves where C is 1. levels: uint8 (2, C, H, W), both in levels of 8 bits.
 
-    offset, gain: (value - offset) * gain is the intensity on 0..1.
+    offset, gain: of `IntensityRange`; level_offset, level_gain, level_unit: of `Levels`.
     """
 
     left: Image
@@ -27,6 +28,9 @@ class PairImages(NamedTuple):
     levels: Uint8
     offset: np.float32
     gain: np.float32
+    level_offset: np.float32
+    level_gain: np.float32
+    level_unit: np.float32
 
 
 @kernel(parallel=True)
@@ -48,7 +52,7 @@ def _fill_level_block(task: int, images: PairImages) -> None:
         if image.shape[2] == 3:
             _grey_row(image[y], grey[y])
         for c in range(image.shape[2]):
-            _level_row(image[y, :, c], images.offset, images.gain, images.levels[view, c, y])
+            _level_row(image[y, :, c], images.level_offset, images.level_gain, images.levels[view, c, y])
 
 
 @kernel
@@ -62,7 +66,7 @@ def _grey_row(row: Image, grey: Image) -> None:
 @kernel
 def _level_row(row: Image, offset: np.float32, gain: np.float32, levels: Uint8) -> None:
     for x in range(levels.size):
-        value = np.rint((np.float32(row[x]) - offset) * (gain * np.float32(255)))
+        value = np.rint((np.float32(row[x]) - offset) * gain)
         levels[x] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
 
 
@@ -91,7 +95,7 @@ def _fill_block(task: int, images: PairImages, planes: MatchingPlanes, unit: np.
         fill_planes(planes, view, images.right, images.right_grey, scale, magnitude, rows)
 
 
-def images_of(left: Image, right: Image, scale: tuple[float, float], kept: PairImages | None) -> PairImages:
+def images_of(left: Image, right: Image, found: IntensityRange, kept: PairImages | None) -> PairImages:
     """A pair (H, W) or (H, W, 3) with room for its levels and grey images: that of the pair before where it fits."""
     views = [image.reshape(*image.shape[:2], -1) for image in (left, right)]
     height, width, channels = views[0].shape
@@ -101,4 +105,5 @@ def images_of(left: Image, right: Image, scale: tuple[float, float], kept: PairI
     else:
         levels, grey = kept.levels, (kept.left_grey, kept.right_grey)
     greys = (grey[0], grey[1]) if channels == 3 else (left, right)
-    return PairImages(*views, *greys, levels, np.float32(scale[0]), np.float32(scale[1]))
+    numbers = map(np.float32, (*found, *found.levels(left.dtype)))
+    return PairImages(*views, *greys, levels, *numbers)
