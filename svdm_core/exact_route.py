@@ -1,17 +1,16 @@
 """The way of a pair through the paper's own equations: one tree over each whole image, in float32."""
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from .cost_aggregation.exact_tree import aggregate, empty_nodes, gather
 from .cost_aggregation.spanning_forest import SpanningTrees
 from .disparity_optimization.winners import Winners, empty_best, winners_of
-from .kernels.arrays import Uint8, aligned_zeros
+from .kernels.arrays import aligned_zeros
 from .kernels.stripes import block_count
 from .matching_cost.float_costs import BLOCK, empty_values
 from .matching_cost.planes import INTENSITY, empty_planes
-from .matching_cost.preparation import PairImages, fill_plane_blocks
+from .matching_cost.preparation import PairImages, fill_plane_blocks, smoothed_guide
 from .parameters import MatcherParameters
 from .phases import Crew, Phase, StageClock
 
@@ -45,8 +44,9 @@ class ExactRoute:
         height, width = images.left.shape[:2]
         with clock.stage('spanning_forest'):
             # The costs are not needed yet; what is left there, small integers, are finite floats.
-            guides = _guide(images.levels[0], parameters), _guide(images.levels[1], parameters)[:, ::-1]
-            self._trees.build(*guides, self._scratch[:, 0].view(np.int32))
+            left, right = (smoothed_guide(image, parameters.guide_blur) for image in (images.left, images.right))
+            step = 1 / float(images.level_gain)
+            self._trees.build(left, right[:, ::-1], self._scratch[:, 0].view(np.int32), step)
         clock.work(crew, [Phase('matching_cost', 2 * block_count(height), fill_plane_blocks,
                                 (images, self._planes, np.float32(INTENSITY), parameters.gradient == 'magnitude'))])
         with clock.stage('matching_cost'):
@@ -65,11 +65,3 @@ def _slots(nodes: int, num_disparities: int, threads: int) -> int:
     fitting = _COST_BYTES // (2 * nodes * BLOCK * 4)
     wanted = max(1, min(threads // 2, blocks, fitting))
     return -(-blocks // -(-blocks // wanted))  # none of them empty
-
-
-def _guide(levels: Uint8, parameters: MatcherParameters) -> Uint8:
-    """The image the tree is built on, (H, W, C), smoothed if wanted; levels: uint8 (C, H, W)."""
-    guide = np.ascontiguousarray(np.moveaxis(levels, 0, 2))
-    if parameters.guide_blur > 1:
-        guide = np.asarray(cv2.medianBlur(guide, parameters.guide_blur), np.uint8).reshape(guide.shape)
-    return guide

@@ -4,15 +4,16 @@ from __future__ import annotations
 import numpy as np
 
 from .cost_aggregation import AGGREGATIONS
-from .cost_aggregation.aggregation import StripeAggregation, View
-from .disparity_optimization.penalties import Penalties, fill_penalty_blocks
+from .cost_aggregation.aggregation import Pair, StripeAggregation, View
+from .disparity_optimization.penalties import Penalties, fill_penalties
 from .disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
 from .disparity_optimization.winners import Winners
-from .kernels.stripes import BLOCK, block_count, rows_of, stripe_count
+from .kernels.stripes import block_count, rows_of, stripe_count
 from .kernels.wide import lanes_for, width_of
 from .matching_cost.byte_costs import ByteCosts, byte_costs, has_differences, largest_cost
+from .matching_cost.edges import empty_edges, fill_edges
 from .matching_cost.planes import INTENSITY, empty_planes
-from .matching_cost.preparation import PairImages, fill_plane_blocks
+from .matching_cost.preparation import PairImages, fill_plane_blocks, smoothed_guide
 from .parameters import MatcherParameters
 from .phases import Phase
 
@@ -31,6 +32,7 @@ class StripeRoute:
         self.sides: list[StripeAggregation] = [
             AGGREGATIONS[kind].load()(View(number, rows, lanes, channels))
             for number, (kind, rows) in enumerate(zip(kinds, (self.left, self.right), strict=True))]
+        self._edges, self._tree_edges = empty_edges(self.left), empty_edges(self.left)
         self._across, self._down = np.zeros((2, 2, (self.left.height + 2) * self.left.width), np.uint8)
         height, width = shape[:2]
         self.winners = StripeWinners(
@@ -46,15 +48,21 @@ class StripeRoute:
 
     def phases(self, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
         """Stages 1 to 3 of a pair whose levels are there."""
-        blocks, magnitude = block_count(self.left.height), parameters.gradient == 'magnitude'
+        blocks = block_count(self.left.height) + block_count(self.right.height)
+        rows = self.left, self.right
+        pair = Pair(images, self._tree_edges if parameters.guide_blur > 1 else self._edges)
+        phases = [Phase('matching_cost', 2 * block_count(self.left.height), fill_plane_blocks,
+                        (images, self._planes, np.float32(INTENSITY), parameters.gradient == 'magnitude')),
+                  Phase('matching_cost', blocks, fill_edges, (self._edges, images, *rows))]
+        if parameters.guide_blur > 1:
+            left, right = (smoothed_guide(image, parameters.guide_blur) for image in (images.left, images.right))
+            smoothed = images._replace(left=left, right=right)
+            phases.append(Phase('spanning_forest', blocks, fill_edges, (pair.tree_edges, smoothed, *rows)))
         penalties = self._penalties(parameters, float(images.level_unit))
-        phases = [Phase('matching_cost', 2 * blocks, fill_plane_blocks,
-                        (images, self._planes, np.float32(INTENSITY), magnitude)),
-                  Phase('disparity_optimization', blocks + block_count(self.right.height), fill_penalty_blocks,
-                        (penalties, images.levels, self.left, self.right))]
+        phases.append(Phase('disparity_optimization', blocks, fill_penalties, (penalties, self._edges, *rows)))
         costs = [self._costs(side, parameters) for side in self.sides]
         for side, own in zip(self.sides, costs, strict=True):
-            phases += side.phases(own, images, parameters)
+            phases += side.phases(own, pair, parameters)
         # Boxes of either view have the same costs; where only one has boxes, they are its own.
         boxes = costs[1] if self.sides[0].volume.size else costs[0]
         views = Views(self.left.height, self.right.height, self.left.width, self.right.every, parameters.paths,
@@ -80,4 +88,4 @@ class StripeRoute:
 
 def right_aggregation(parameters: MatcherParameters, channels: int) -> str:
     """How the right view is aggregated, which serves the left-right check only."""
-    return 'box' if parameters.right_rows > 1 else parameters.aggregation
+    return 'box' if parameters.right_rows > 1 and channels == 1 else parameters.aggregation

@@ -9,6 +9,7 @@ import numpy as np
 from ..kernels.arrays import Uint8, aligned_zeros
 from ..kernels.stripes import Rows
 from ..matching_cost.byte_costs import ByteCosts
+from ..matching_cost.edges import Edges
 from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
 from ..phases import Phase
@@ -22,6 +23,13 @@ class View(NamedTuple):
     rows: Rows
     lanes: int
     channels: int
+
+
+class Pair(NamedTuple):
+    """What an aggregation may look at: the images, and their edges, smoothed by `guide_blur`."""
+
+    images: PairImages
+    tree_edges: Edges
 
 
 class StripeAggregation(abc.ABC):
@@ -41,5 +49,5 @@ class StripeAggregation(abc.ABC):
         self.volume: Uint8 = aligned_zeros((view.rows.height * view.rows.width * view.lanes,), np.uint8)
 
     @abc.abstractmethod
-    def phases(self, costs: ByteCosts, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
+    def phases(self, costs: ByteCosts, pair: Pair, parameters: MatcherParameters) -> list[Phase]:
         """What fills the volume of a pair."""

@@ -10,10 +10,9 @@ from ..kernels.vectors import pointer
 from ..kernels.wide import UNIT, Lanes, add_saturated, load_wide, shift_right, splat_wide, store_wide
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
 from ..matching_cost.census import BITS
-from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
 from ..phases import Phase
-from .aggregation import StripeAggregation, View
+from .aggregation import Pair, StripeAggregation, View
 
 PIXEL_COST = BITS
 """The largest cost of two pixels, so that census distances need no scaling."""
@@ -74,5 +73,5 @@ class BoxAggregation(StripeAggregation):
     def __init__(self, view: View) -> None:
         super().__init__(view._replace(rows=view.rows._replace(height=0)))
 
-    def phases(self, costs: ByteCosts, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
+    def phases(self, costs: ByteCosts, pair: Pair, parameters: MatcherParameters) -> list[Phase]:
         return []

@@ -11,8 +11,9 @@ import dataclasses
 import numba
 import numpy as np
 
-from ..kernels.arrays import Int32, Uint8
+from ..kernels.arrays import Image, Int32, Uint8
 from ..kernels.compilation import kernel
+from ..matching_cost.edges import raise_to_differences
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
 
@@ -47,32 +48,33 @@ class SpanningTrees:
         return cls(room[:, 0, :nodes], room[:, 1, :nodes], np.zeros((2, nodes), np.uint8), room,
                    np.zeros((2, 2, nodes + SPARE), np.uint8), np.zeros((2, 2, height, width), np.uint8))
 
-    def build(self, left: Uint8, right: Uint8, scratch: Int32 | None = None) -> None:
-        """From two guides, uint8 (H, W) or (H, W, C). scratch: int32 (2, 3 N or more), made where there is none."""
+    def build(self, left: Image, right: Image, scratch: Int32 | None = None, step: float = 1.0) -> None:
+        """From two guides, uint8 or uint16, (H, W) or (H, W, C). step: grey levels in one unit of weight.
+
+        scratch: int32 (2, 3 N or more), made where there is none.
+        """
         if scratch is None:
             scratch = np.empty((2, 3 * self.weight.shape[1]), np.int32)
-        planes = np.stack([np.moveaxis(guide.reshape(*guide.shape[:2], -1), 2, 0) for guide in (left, right)])
-        _spanning_trees(planes, self._room, self.weight, scratch, self._links, self._weights)
+        height, width = left.shape[:2]
+        planes = np.empty((2, left.size // (height * width), height, width), left.dtype)  # one layout, one kernel
+        for view, guide in enumerate((left, right)):
+            planes[view] = np.moveaxis(guide.reshape(height, width, -1), 2, 0)
+        _fill_weights(planes, np.float32(1 / step), self._weights)
+        _spanning_trees(self._room, self.weight, scratch, self._links, self._weights)
 
 
-@kernel
-def _edge_weights(planes: Uint8, across: Uint8, down: Uint8) -> None:
-    """across[y, x], down[y, x]: largest channel difference to the pixel on the right, below."""
-    channels, height, width = planes.shape
-    for y in range(height):
-        for x in range(width - 1):
-            across[y, x] = abs(np.int32(planes[0, y, x]) - np.int32(planes[0, y, x + 1]))
-        for c in range(1, channels):
-            for x in range(width - 1):
-                difference = abs(np.int32(planes[c, y, x]) - np.int32(planes[c, y, x + 1]))
-                across[y, x] = max(across[y, x], np.uint8(difference))
-    for y in range(height - 1):
-        for x in range(width):
-            down[y, x] = abs(np.int32(planes[0, y, x]) - np.int32(planes[0, y + 1, x]))
-        for c in range(1, channels):
-            for x in range(width):
-                difference = abs(np.int32(planes[c, y, x]) - np.int32(planes[c, y + 1, x]))
-                down[y, x] = max(down[y, x], np.uint8(difference))
+@kernel(parallel=True)
+def _fill_weights(planes: Image, per_level: np.float32, weights: Uint8) -> None:
+    """weights[:, 0], [:, 1]: of the edge to the pixel on the right, below: the largest channel difference."""
+    weights[:] = 0
+    for view in numba.prange(planes.shape[0]):
+        height = planes.shape[2]
+        for c in range(planes.shape[1]):
+            for y in range(height):
+                row = planes[view, c, y]
+                raise_to_differences(row[:-1], row[1:], per_level, weights[view, 0, y])
+                if y < height - 1:
+                    raise_to_differences(row, planes[view, c, y + 1], per_level, weights[view, 1, y])
 
 
 @kernel
@@ -172,19 +174,18 @@ def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, w
 
 @kernel(parallel=True)
 def _spanning_trees(
-    planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
+    room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:
-    for view in numba.prange(planes.shape[0]):
-        build_tree(planes[view], room[view], weight[view], scratch[view], links[view], weights[view])
+    for view in numba.prange(room.shape[0]):
+        build_tree(room[view], weight[view], scratch[view], links[view], weights[view])
 
 
 @kernel
-def build_tree(planes: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
+def build_tree(room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8) -> None:
     """room: pixel and parent; links: links and the directions back to the parent."""
-    nodes, width = weight.size, planes.shape[2]
+    nodes, width = weight.size, weights.shape[2]
     edges, above = scratch[:2 * nodes], scratch[2 * nodes:3 * nodes]
     across, down = weights[0], weights[1]
-    _edge_weights(planes, across, down)
     count = _sort_edges(across, down, edges)
     _link_tree(edges[:count], width, above, links[0, :nodes])
     _breadth_first(links[0, :nodes], width, room[0], room[1], links[1])

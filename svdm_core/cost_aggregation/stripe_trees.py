@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numba
 import numpy as np
 
@@ -23,10 +22,10 @@ from ..kernels.tasks import take
 from ..kernels.vectors import pointer
 from ..kernels.wide import load_wide, multiply_high, narrow_wide, shift_right, splat_wide, store_wide, widen
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
-from ..matching_cost.preparation import PairImages
+from ..matching_cost.edges import Edges
 from ..parameters import MatcherParameters
 from ..phases import Phase
-from .aggregation import StripeAggregation, View
+from .aggregation import Pair, StripeAggregation, View
 from .exact_tree import edge_similarities
 from .spanning_forest import SPARE, build_tree
 
@@ -86,46 +85,39 @@ def _span(rows: Rows, stripe: int) -> tuple[int, int]:
 
 @kernel(parallel=True)
 def build_stripe_trees(
-    counter: Int64, end: int, arenas: Uint8, trees: StripeTrees, rows: Rows, view: int, levels: Uint8,
+    counter: Int64, end: int, arenas: Uint8, trees: StripeTrees, rows: Rows, view: int, edges: Edges,
     similarities: Float32,
 ) -> None:
-    """One tree a task. levels: uint8 (2, C, H, W), not mirrored; similarities: float32 (256), support by weight."""
+    """One tree a task. similarities: float32 (256), support by weight."""
     for worker in numba.prange(arenas.shape[0]):
         task = take(counter)
         while task < end:
-            _build(task, arenas[worker], trees, rows, view, levels, similarities)
+            _build(task, arenas[worker], trees, rows, view, edges, similarities)
             task = take(counter)
 
 
 @kernel
 def _build(
-    stripe: int, arena: Uint8, trees: StripeTrees, rows: Rows, view: int, levels: Uint8, similarities: Float32
+    stripe: int, arena: Uint8, trees: StripeTrees, rows: Rows, view: int, edges: Edges, similarities: Float32
 ) -> None:
     first, last = _span(rows, stripe)
-    height, width, channels = last - first, rows.width, levels.shape[1]
+    height, width = last - first, rows.width
     nodes = height * width
-    guide, rest = arena[:channels * nodes].reshape(channels, height, width), arena[(channels * nodes + 63) // 64 * 64:]
-    for c in range(channels):
-        for y in range(height):
-            _copy_row(levels[view, c, rows.offset + rows.every * (first + y)], view == 1, guide[c, y])
-    bytes_, rest = rest[:5 * nodes + 2 * SPARE], rest[(5 * nodes + 2 * SPARE + 63) // 64 * 64:]
+    small = 5 * nodes + 2 * SPARE
+    bytes_, rest = arena[:small], arena[(small + 63) // 64 * 64:]
     weight, links = bytes_[:nodes], bytes_[nodes:3 * nodes + 2 * SPARE].reshape(2, nodes + SPARE)
     weights = bytes_[3 * nodes + 2 * SPARE:].reshape(2, height, width)
+    for y in range(height):  # of the edge to the pixel on the right, and below
+        weights[0, y, :-1] = edges.across[view, first + y, 1:]
+        weights[1, y] = edges.down[view, first + y + 1]
     numbers = rest[:4 * (5 * nodes + 2 * SPARE)].view(np.int32)
     room, scratch = numbers[:2 * (nodes + SPARE)].reshape(2, nodes + SPARE), numbers[2 * (nodes + SPARE):]
-    build_tree(guide, room, weight, scratch, links, weights)
+    build_tree(room, weight, scratch, links, weights)
     trees.pixel[stripe, :nodes] = room[0, :nodes]
     trees.parent[stripe, :nodes] = room[1, :nodes]
     sums = scratch[:2 * nodes].view(np.float32).reshape(2, nodes)
     _fill_shares(trees.parent[stripe, :nodes], weight, similarities, sums, (trees.own[stripe], trees.share[stripe],
                  trees.down[stripe], trees.inner[stripe]))
-
-
-@kernel
-def _copy_row(source: Uint8, mirrored: bool, to: Uint8) -> None:
-    width = to.size
-    for x in range(width):
-        to[x] = source[width - 1 - x if mirrored else x]
 
 
 @kernel
@@ -255,13 +247,10 @@ class TreeAggregation(StripeAggregation):
         self._stripes = stripe_count(view.rows)
         self._trees = empty_trees(self._stripes, view.rows)
 
-    def phases(self, costs: ByteCosts, images: PairImages, parameters: MatcherParameters) -> list[Phase]:
-        levels = images.levels
-        similarities = edge_similarities(parameters.sigma_tree, parameters.d_y, float(images.level_unit))
+    def phases(self, costs: ByteCosts, pair: Pair, parameters: MatcherParameters) -> list[Phase]:
+        similarities = edge_similarities(parameters.sigma_tree, parameters.d_y, float(pair.images.level_unit))
         rows, number, scratch = self.view.rows, self.view.number, scratch_size(self.view.rows)
-        if parameters.guide_blur > 1:
-            levels = np.stack([[cv2.medianBlur(plane, parameters.guide_blur) for plane in view] for view in levels])
         return [Phase('spanning_forest', self._stripes, build_stripe_trees,
-                      (self._trees, rows, number, levels, similarities), scratch),
+                      (self._trees, rows, number, pair.tree_edges, similarities), scratch),
                 Phase('cost_aggregation', self._stripes * (self.view.lanes // UNIT), aggregate_blocks,
                       (self._trees, rows, number, costs, self.volume), scratch)]

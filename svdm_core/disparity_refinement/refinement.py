@@ -57,7 +57,7 @@ class Refinement:
         window = byte_median.median_window(width, parameters.w_p, parameters.sigma_s,
                                            parameters.sigma_c / float(images.level_unit), parameters.num_disparities)
         tasks, lanes = -(-height // byte_median.ROWS), byte_median.window_lanes(parameters.w_p)
-        return [Phase(_STAGE, tasks, byte_median.fill_margins, (maps, parameters.w_p, images.levels[0])),
+        return [Phase(_STAGE, tasks, byte_median.fill_margins, (maps, parameters.w_p, images.levels)),
                 Phase(_STAGE, tasks, byte_median.take_medians, (maps, window, lanes),
                       byte_median.scratch_size(parameters.w_p)),
                 Phase(_STAGE, block_count(height), final_median.smooth_map,

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numba
 import numpy as np
 
@@ -16,7 +17,7 @@ from .planes import MatchingPlanes, fill_planes
 
 class PairImages(NamedTuple):
     """left, right: (H, W, C) uint8 or uint16, C 1 or 3 (BGR); left_grey, right_grey: (H, W) of the same type, the
-    images themselves where C is 1. levels: uint8 (2, C, H, W), both in levels of 8 bits.
+    images themselves where C is 1. levels: uint8 (C, H, W), the left one in levels of 8 bits.
 
     offset, gain: of `IntensityRange`; level_offset, level_gain, level_unit: of `Levels`.
     """
@@ -35,7 +36,7 @@ class PairImages(NamedTuple):
 
 @kernel(parallel=True)
 def fill_levels(counter: Int64, end: int, arenas: Uint8, images: PairImages) -> None:
-    """Blocks of rows of either view: levels and grey images."""
+    """Blocks of rows of either view: grey images, and the levels of the left one."""
     for _ in numba.prange(arenas.shape[0]):
         task = take(counter)
         while task < end:
@@ -52,7 +53,8 @@ def _fill_level_block(task: int, images: PairImages) -> None:
         if image.shape[2] == 3:
             _grey_row(image[y], grey[y])
         for c in range(image.shape[2]):
-            _level_row(image[y, :, c], images.level_offset, images.level_gain, images.levels[view, c, y])
+            if view == 0:
+                _level_row(image[y, :, c], images.level_offset, images.level_gain, images.levels[c, y])
 
 
 @kernel
@@ -100,10 +102,15 @@ def images_of(left: Image, right: Image, found: IntensityRange, kept: PairImages
     views = [image.reshape(*image.shape[:2], -1) for image in (left, right)]
     height, width, channels = views[0].shape
     if kept is None or kept.left.shape != views[0].shape or kept.left.dtype != left.dtype:
-        levels = np.zeros((2, channels, height, width), np.uint8)
+        levels = np.zeros((channels, height, width), np.uint8)
         grey = tuple(np.zeros((2, height, width) if channels == 3 else (2, 0, 0), left.dtype))
     else:
         levels, grey = kept.levels, (kept.left_grey, kept.right_grey)
     greys = (grey[0], grey[1]) if channels == 3 else (left, right)
     numbers = map(np.float32, (*found, *found.levels(left.dtype)))
     return PairImages(*views, *greys, levels, *numbers)
+
+
+def smoothed_guide(image: Image, side: int) -> Image:
+    """The image (H, W, C) through a median of side x side px, from which trees are made."""
+    return image if side == 1 else np.asarray(cv2.medianBlur(image, side)).reshape(image.shape)
