@@ -5,7 +5,7 @@ import numpy as np
 
 from .cost_aggregation import AGGREGATIONS
 from .cost_aggregation.aggregation import Pair, StripeAggregation, View
-from .disparity_optimization.penalties import Penalties, fill_penalties
+from .disparity_optimization.penalties import Penalties, fill_penalties, p2_table
 from .disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
 from .disparity_optimization.winners import Winners
 from .kernels.stripes import block_count, rows_of, stripe_count
@@ -82,8 +82,8 @@ class StripeRoute:
     def _penalties(self, parameters: MatcherParameters, level_unit: float) -> Penalties:
         units = [side.full_cost / max(largest_cost(parameters), 1e-9) for side in self.sides]
         p1 = [np.uint8(min(round(min(parameters.p1, parameters.p2) * unit), 255)) for unit in units]
-        p2 = [np.float32(min(parameters.p2 * unit, 255)) for unit in units]
-        return Penalties(p1[0], p1[1], p2[0], p2[1], np.float32(parameters.p2_edge / level_unit), self._across, self._down)
+        p2 = [p2_table(p1[k], parameters.p2 * unit, parameters.p2_edge / level_unit) for k, unit in enumerate(units)]
+        return Penalties(p1[0], p1[1], p2[0], p2[1], self._across, self._down)
 
 
 def right_aggregation(parameters: MatcherParameters, channels: int) -> str:

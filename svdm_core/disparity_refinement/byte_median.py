@@ -193,7 +193,7 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
     return _weighted_median(at, guess, sum_wide(total), lanes)
 
 
-@kernel
+@kernel(inline=True)
 def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
     """Weights of row k of the window around (y, x), 0 .. 255."""
     r = at.side // 2
@@ -210,7 +210,7 @@ def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
     return narrow_wide(shift_right(multiply_high(share, spatial), 8))
 
 
-@kernel
+@kernel(inline=True)
 def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
     """squares * slope / 256, about 65535 where it does not fit."""
     factor = splat_wide(slope, lanes)
@@ -218,7 +218,7 @@ def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
     return high * splat_wide(np.uint16(256), lanes) + shift_right(squares * factor, 8)
 
 
-@kernel
+@kernel(inline=True)
 def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) -> int:
     """The smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
     low, high, probe, step = 0, (1 << at.label_bits) - 1, guess, 1
@@ -233,7 +233,7 @@ def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) 
     return low
 
 
-@kernel
+@kernel(inline=True)
 def _weight_up_to(at: _Pointers, label: int, lanes: Lanes) -> np.uint32:
     step = UNIT * len(lanes)
     limit, below = splat_wide(np.uint8(label), lanes), splat_wide(np.uint16(0), lanes)

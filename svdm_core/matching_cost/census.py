@@ -36,7 +36,9 @@ def fill_census(grey: Image, first: int, last: int, mirrored: bool, before: int,
     """
     height, width = grey.shape
     along, across = ROWS // 2, COLUMNS // 2
-    near = np.zeros((ROWS, width + 2 * across + _STEP), grey.dtype)
+    near = np.zeros((last - first + 2 * along, width + 2 * across + _STEP), grey.dtype)
+    for i in range(near.shape[0]):
+        _padded_row(grey[min(max(first + i - along, 0), height - 1)], mirrored, across, near[i])
     places = np.zeros(4 * NIBBLES, np.int64)  # of the neighbours, from the pixel; those behind the last are itself
     bit = 0
     for i in range(ROWS):
@@ -44,11 +46,9 @@ def fill_census(grey: Image, first: int, last: int, mirrored: bool, before: int,
             if i != along or j != across:
                 places[bit] = (i - along) * near.shape[1] + (across - j if mirrored else j - across)
                 bit += 1
+    pitch = planes.shape[2]
     for y in range(first, last):
-        for i in range(ROWS):
-            _padded_row(grey[min(max(y + i - along, 0), height - 1)], mirrored, across, near[i])
-        pitch = planes.shape[2]
-        _fill_row(pointer(near), along * near.shape[1] + across, width, pointer(places), pointer(planes),
+        _fill_row(pointer(near), (y - first + along) * near.shape[1] + across, width, pointer(places), pointer(planes),
                   y * NIBBLES * pitch + before, pitch)
 
 
