@@ -32,7 +32,7 @@ _COST_BYTES = 256 * 2**20
 
 # Settings that between them run every kernel.
 _ALL_STAGES: tuple[dict[str, Any], ...] = (
-    {'aggregation': 'tree'}, {'aggregation': 'tree', 'p2': 1.0}, {'aggregation': 'box', 'p2': 1.0})
+    {'aggregation': 'tree', 'p2': 0.0}, {'aggregation': 'tree', 'p2': 1.0}, {'aggregation': 'box', 'p2': 1.0})
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class StereoMatcher:
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
-        small = [np.zeros((4, 6), depth) for depth in (np.uint8, np.uint16)]
+        small = [np.zeros(shape, depth) for shape in ((4, 6), (4, 6, 3)) for depth in (np.uint8, np.uint16)]
         for stages in _ALL_STAGES:
             matcher = StereoMatcher(MatcherParameters(num_disparities=2, median_scope='all', **stages), self.threads)
             for image in small:
