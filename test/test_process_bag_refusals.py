@@ -8,7 +8,6 @@ import sys
 import numpy as np
 import pytest
 import recordings
-from process_bag_fixtures import SMALL
 from recordings import (
     BEGIN,
     LEFT,
@@ -17,6 +16,7 @@ from recordings import (
     RIGHT,
     RIGHT_INFO,
     ROS2,
+    SMALL,
     T,
     camera_info,
     contents,

@@ -13,7 +13,7 @@ from checkout import CHECKOUT
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
-from svdm_core import MatcherParameters, StereoMatcher, load_preset, matcher
+from svdm_core import MatcherParameters, StereoMatcher, matcher
 from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
@@ -281,18 +281,33 @@ def test_timings_tell_each_stage_and_their_sum():
     assert min(timings.values()) > 0 and total == pytest.approx(sum(timings.values()))
 
 
+WARM_UP = '''
+import sys
+sys.path.insert(0, "test/support")
+import numpy as np
+from scenes import noise
+from svdm_core import StereoMatcher, load_preset, preset_names
+
+def signatures():
+    kernels = {id(value): value for module in list(sys.modules.values()) if module.__name__.startswith("svdm_core")
+               for value in vars(module).values() if hasattr(value, "signatures")}
+    return {f"{kernel.__name__}{signature}" for kernel in kernels.values() for signature in kernel.signatures}
+
+matcher = StereoMatcher(load_preset("paper"))
+matcher.warm_up()
+before = signatures()
+for shape in ((20, 30), (20, 30, 3)):
+    for dtype in (np.uint8, np.uint16):
+        for name in preset_names():
+            matcher.parameters = load_preset(name)
+            matcher.compute(noise(*shape, dtype=dtype), noise(*shape, dtype=dtype))
+print(len(before) > 10, signatures() - before)'''
+
+
 def test_after_warm_up_nothing_is_compiled_any_more():
-    matcher = StereoMatcher(load_preset('paper'))
-    matcher.warm_up()
-    kernels = [value for module in list(sys.modules.values()) if module.__name__.startswith('svdm_core')
-               for value in vars(module).values() if hasattr(value, 'signatures')]
-    compiled = sum(len(kernel.signatures) for kernel in kernels)
-    for shape in ((20, 30), (20, 30, 3)):
-        for dtype in (np.uint8, np.uint16):
-            for name in svdm_core.preset_names():
-                matcher.parameters = load_preset(name)
-                matcher.compute(noise(*shape, dtype=dtype), noise(*shape, dtype=dtype))
-    assert kernels and sum(len(kernel.signatures) for kernel in kernels) == compiled
+    """In a process of its own: here, other tests have compiled what the warm-up may lack."""
+    run = subprocess.run([sys.executable, '-c', WARM_UP], cwd=CHECKOUT, capture_output=True, text=True, timeout=110)
+    assert run.stdout == 'True set()\n', run.stdout + run.stderr
 
 
 # The library is free of ROS

@@ -1,10 +1,8 @@
 """A small recording, and the command run on it."""
 import pytest
-from recordings import stereo, write
+from recordings import SMALL, stereo, write
 
 from svdm_ros.bags.process_bag import main
-
-SMALL = ('--set', 'num_disparities=16')
 
 
 @pytest.fixture(scope='module')

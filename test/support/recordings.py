@@ -18,6 +18,7 @@ PERIOD = 100 * MS
 LEFT, RIGHT = '/cam/left/image_rect', '/cam/right/image_rect'
 LEFT_INFO, RIGHT_INFO = '/cam/left/camera_info', '/cam/right/camera_info'
 F, T, OFFSET = 400.0, 0.5, 2.0
+SMALL = ('--set', 'num_disparities=16')  # for `process_bag`
 
 
 def stamp(index):
