@@ -20,6 +20,7 @@ from svdm_core.presets import preset_values
 from ..parameter_set import NodeParameters, Value, node_parameter_table
 from .calibration_files import read_calibration
 from .process import Job, process
+from .user_files import SETTINGS, read_yaml
 
 _SUFFIXES = ('.zstd', '.mcap', '.db3', '.bag')
 _NODE_ONLY = ('use_sim_time', 'qos_overrides')
@@ -109,7 +110,7 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
     """Of a preset or parameter file of the node, and --set. ValueError names parameter, value and what is allowed."""
     table = {info.name: info for info in node_parameter_table()}
     values: dict[str, Value] = {}
-    for name, value in preset_values(source).items():
+    for name, value in _values(source).items():
         if name.partition('.')[0] in _NODE_ONLY:
             continue
         _check_known(name, table)
@@ -121,6 +122,13 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
         _check_known(name, table)
         values[name] = table[name].parse(text)
     return NodeParameters().replace(values)
+
+
+def _values(source: str | Path) -> dict[str, Any]:
+    """Of a preset, or of a file, which is looked at before it is read as one."""
+    if Path(source).suffix in ('.yaml', '.yml') and Path(source).exists():
+        read_yaml(Path(source), SETTINGS)
+    return preset_values(source)
 
 
 def _check_known(name: str, table: Mapping[str, Any]) -> None:
