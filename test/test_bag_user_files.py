@@ -156,8 +156,8 @@ def test_anchors_and_aliases_are_refused(at_once, text):
     assert 'anchor or alias' in line_of(parse_yaml, text, SETTINGS)
 
 
-@pytest.mark.parametrize('text', ['a: 2001-99-99', f'a: {"1" * 999}:77', 'a: !!python/object:os.system 1', '\0', 'a: b: c',
-                                  '? [1]\n: 2', '--- 1\n--- 2'])
+@pytest.mark.parametrize('text', ['a: 2001-99-99', f'a: {"1" * 999}:77', 'a: !!python/object:os.system 1', '\0',
+                                  'a: b: c', '? [1]\n: 2', '--- 1\n--- 2'])
 def test_what_yaml_does_not_build_is_one_line(text):
     try:
         parse_yaml(text, SETTINGS)
@@ -275,8 +275,8 @@ def test_hostile_metadata_is_refused(tmp_path, at_once, text):
 def test_hostile_yaml_within_the_yaml_of_metadata_is_refused(bag, tmp_path, at_once):
     indented = bomb().replace('\n', '\n' + 12 * ' ')
     (tmp_path / 'metadata.yaml').write_text(
-        'rosbag2_bagfile_information:\n  relative_file_paths: [x]\n  topics_with_message_count:\n    - topic_metadata:\n'
-        f'        offered_qos_profiles: |\n            {indented}\n')
+        'rosbag2_bagfile_information:\n  relative_file_paths: [x]\n  topics_with_message_count:\n'
+        f'    - topic_metadata:\n        offered_qos_profiles: |\n            {indented}\n')
     assert 'offered_qos_profiles: the YAML has an anchor' in line_of(opened, tmp_path)
 
 
@@ -295,7 +295,8 @@ def test_the_commands_refuse_a_calibration_that_is_no_file(bag, tmp_path, capsys
     assert process_bag.main([str(bag), out, '--params', str(tmp_path / 'node.yaml')]) == 2
     assert [f' is {kind}' in line for line in capsys.readouterr().err.splitlines()] == [True, True]
     write_kitti(tmp_path / 'left', 'odometry')
-    assert images_to_bag.main([str(tmp_path / 'left' / 'calib.txt'), str(tmp_path / 'right'), out, '--calib', calib]) == 2
+    text = str(tmp_path / 'left' / 'calib.txt')
+    assert images_to_bag.main([text, str(tmp_path / 'right'), out, '--calib', calib]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not os.path.lexists(out)
 

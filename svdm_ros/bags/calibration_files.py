@@ -236,8 +236,8 @@ def _ros_camera(camera: Mapping[str, Any], side: str, size: Size) -> CameraCalib
 def _check_model(camera: Mapping[str, Any], side: str, name: str, allowed: Sequence[str]) -> None:
     model = _needed(camera, name)
     if model not in allowed:
-        raise ValueError(f'{name} of the {side} camera is {shown(model)}, it must be {" or ".join(allowed)}: rectify the '
-                         'images with the tool they were calibrated with, and give a calibration of the result')
+        raise ValueError(f'{name} of the {side} camera is {shown(model)}, it must be {" or ".join(allowed)}: rectify '
+                         'the images with the tool they were calibrated with, and give a calibration of the result')
 
 
 def _check_same_size(sizes: Mapping[str, Size]) -> None:

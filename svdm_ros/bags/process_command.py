@@ -19,6 +19,8 @@ from svdm_core.presets import preset_values
 
 from ..parameter_set import NodeParameters, Value, node_parameter_table
 from .calibration_files import read_calibration
+from .output_place import check_apart
+from .partial_folder import remove_marks
 from .process import Job, process
 from .user_files import SETTINGS, read_yaml
 
@@ -35,9 +37,13 @@ def run(options: argparse.Namespace) -> int:
         inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
         duration_s=options.duration, copy_inputs=options.copy_inputs, depth=options.depth, preview=options.preview,
         calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
-    if len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler:
-        return _run_one(template)
-    return _run_many(_jobs(template, inputs), options)
+    is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
+    jobs = [template] if is_one else _jobs(template, inputs)
+    read = [*inputs, *(options.calib or ()), Path(options.params or options.preset)]
+    for job in jobs:
+        if job.force:
+            check_apart(job.output, read)
+    return _run_one(template) if is_one else _run_many(jobs, options)
 
 
 def _run_one(job: Job) -> int:
@@ -55,6 +61,7 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
     waiting = [job for job in jobs if job.force or not job.output.exists()]
     for job in jobs:
         if job not in waiting:
+            remove_marks(job.output)
             print(f'{job.output}: is there already, skipped')
     if not waiting:
         return 0

@@ -64,7 +64,8 @@ def check_regular(path: Path, limits: Limits) -> None:
         if is_kind(status.st_mode):
             raise RefusedFileError(f'{path} is {kind}: give a regular file')
     if status.st_size > limits.size:
-        raise RefusedFileError(f'{path} has {status.st_size} bytes, at most {limits.size} are allowed: give another file')
+        raise RefusedFileError(f'{path} has {status.st_size} bytes, at most {limits.size} are allowed: give '
+                               'another file')
 
 
 def read_text(path: Path, limits: Limits) -> str:
@@ -112,8 +113,8 @@ def _check_text(text: str, limits: Limits) -> None:
 def _check_events(text: str, limits: Limits) -> None:
     depth = values = 0
     for event in yaml.parse(text, _LOADER):
-        if getattr(event, 'anchor', None):
-            raise RefusedFileError(f'the YAML has an anchor or alias, {cut(event.anchor)}: write the values out')
+        if anchor := getattr(event, 'anchor', None):
+            raise RefusedFileError(f'the YAML has an anchor or alias, {cut(anchor)}: write the values out')
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > _DEPTH:
@@ -126,4 +127,4 @@ def _check_events(text: str, limits: Limits) -> None:
                 raise RefusedFileError(f'the YAML has more than {limits.values} values, no file of this kind has')
             if len(event.value) > _SCALAR and (not event.style or event.tag):
                 raise RefusedFileError(f'the YAML has a value of {len(event.value)} characters, at most {_SCALAR} are '
-                                 f'allowed without quotes: {shown(event.value)}')
+                                       f'allowed without quotes: {shown(event.value)}')
