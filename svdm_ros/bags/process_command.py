@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import glob
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,11 @@ from svdm_core.presets import preset_values
 
 from ..parameter_set import NodeParameters, Value, node_parameter_table
 from .calibration_files import read_calibration
+from .local_workers import process_locally
+from .outcome import Outcome
 from .output_place import check_apart
 from .partial_folder import remove_marks
-from .process import Job, process
+from .process import Job, Tell, process
 from .user_files import SETTINGS, read_yaml
 
 _SUFFIXES = ('.zstd', '.mcap', '.db3', '.bag')
@@ -56,8 +58,6 @@ def _run_one(job: Job) -> int:
 
 
 def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
-    from . import many  # needs dask
-
     waiting = [job for job in jobs if job.force or not job.output.exists()]
     for job in jobs:
         if job not in waiting:
@@ -67,8 +67,8 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
         return 0
     options.output.mkdir(exist_ok=True)
     outcomes = []
-    with progress() as bars, many.cluster(options.scheduler, options.jobs or 1, len(waiting)) as client:
-        for outcome in many.process_all(client, waiting, options.jobs if options.scheduler else None, bars.teller):
+    with progress() as bars, contextlib.closing(_outcomes(waiting, options, bars.teller)) as found:
+        for outcome in found:
             bars.print('\n'.join(outcome.lines))
             outcomes.append(outcome)
     for outcome in outcomes:
@@ -77,6 +77,18 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
     if len(waiting) == len(jobs) and not any(outcome.lines for outcome in outcomes):
         return 2
     return 1 if any(outcome.exit_code for outcome in outcomes) else 0
+
+
+def _outcomes(
+    jobs: Sequence[Job], options: argparse.Namespace, teller: Callable[[str], Tell]
+) -> Generator[Outcome, None, None]:
+    if not options.scheduler:
+        yield from process_locally(jobs, options.jobs or 1, teller)
+        return
+    from . import many  # needs dask
+
+    with many.cluster(options.scheduler) as client:
+        yield from many.process_all(client, jobs, options.jobs, teller)
 
 
 def _inputs(given: Sequence[str]) -> list[Path]:
