@@ -50,7 +50,8 @@ def begin(bags, tmp_path):
     started = []
 
     def begun(control='', processes=2):
-        command = [sys.executable, '-c', COMMAND, control, *map(str, bags), str(tmp_path / 'out'), '--jobs', '2', *SMALL]
+        command = [sys.executable, '-c', COMMAND, control, *map(str, bags), str(tmp_path / 'out'), '--jobs', '2',
+                   *SMALL]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                                    start_new_session=True)
         started.append(process)
@@ -119,8 +120,9 @@ def test_a_signal_ends_all_with_a_line_and_the_same_command_goes_on(bags, begin,
     assert process.returncode == 130
     assert told.splitlines() == ['process_bag: interrupted; what is done is kept, the same command goes on from there']
     assert not psutil.wait_procs(children, 20)[1]
-    kept = [len(contents(tmp_path / 'out' / f'{name}.partial')) for name in 'ab']
-    assert all(0 < count < len(expected) for count in kept)
+    for name in 'ab':  # on a busy machine one may have come to its end meanwhile
+        [place] = (tmp_path / 'out').glob(f'{name}*')
+        assert set() < set(contents(place)) <= set(expected)
     run_again(bags, tmp_path / 'out', expected)
 
 

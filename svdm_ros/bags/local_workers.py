@@ -50,8 +50,8 @@ def _told_of_end(job: Job, exit_code: int) -> str:
     if exit_code < 0:
         return (f'{job.input}: its process was killed by {signal.Signals(-exit_code).name}, {_ATTEMPTS} times: see '
                 'that there is memory enough, then the same command goes on from there')
-    return (f'{job.input}: its process ended with exit code {exit_code}; the traceback above is a defect, please report '
-            'it')
+    return (f'{job.input}: its process ended with exit code {exit_code}; the traceback above is a defect, please '
+            'report it')
 
 
 class _Pool:

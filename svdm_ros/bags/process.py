@@ -12,6 +12,7 @@ from ..frame_processing import FrameError, FrameProcessor, StereoFrame
 from ..parameter_set import NodeParameters
 from .calibration import StereoCalibration
 from .frames import TYPES, as_image, infos_of
+from .interrupts import deferred_interrupts
 from .output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
 from .outputs import Outputs
 from .pair_stream import PairStream, RecordedPair
@@ -138,16 +139,18 @@ class _Run:
     def _pass(self, tell: Callable[[int], None]) -> None:
         writer: WriteBehind[Callable[[], None]] = WriteBehind(lambda write: write(), _AHEAD)
         to_skip = self._progress.done
-        try:
-            with contextlib.closing(read_ahead(self._stream, _AHEAD)) as entries:
-                for number, entry in enumerate(entries):
-                    if number >= to_skip:
-                        self._process(entry, writer)
-                    tell(self._progress.disparities + self._progress.dropped.total())
-        finally:
-            # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
-            writer.close()
-            self._bag.commit(self._written, now=True)
+        with deferred_interrupts() as raise_if_interrupted:
+            try:
+                with contextlib.closing(read_ahead(self._stream, _AHEAD)) as entries:
+                    for number, entry in enumerate(entries):
+                        if number >= to_skip:
+                            self._process(entry, writer)
+                        tell(self._progress.disparities + self._progress.dropped.total())
+                        raise_if_interrupted()
+            finally:
+                # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
+                writer.close()
+                self._bag.commit(self._written, now=True)
 
     def _process(self, entry: RecordedPair | RecordedMessage, writer: WriteBehind[Callable[[], None]]) -> None:
         if isinstance(entry, RecordedMessage):
