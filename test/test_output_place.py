@@ -32,7 +32,7 @@ def refused(capsys):
     return line
 
 
-def test_images_within_the_output_are_refused(capsys):
+def test_images_within_the_output_are_refused(pairs, capsys):
     output = write(pairs / 'bag', stereo(1))
     (pairs / 'left').rename(output / 'left')
     before = files_of(pairs)
