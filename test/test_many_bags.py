@@ -1,10 +1,10 @@
-"""Many recordings on Dask: each for itself, a broken one named, those that are done skipped; loopback only."""
+"""Many recordings: each for itself, a broken one named, those that are done skipped; also on a Dask cluster."""
 import contextlib
+import shutil
 import subprocess
 import sys
 import time
 
-import psutil
 import pytest
 from recordings import contents, stereo, write
 
@@ -64,7 +64,7 @@ def test_two_local_workers_give_two_outputs_and_one_named_failure_and_the_next_r
 @contextlib.contextmanager
 def dask(command, *arguments):
     """A scheduler or a worker in a process of its own; yields the lines of its log."""
-    process = subprocess.Popen([sys.executable, '-m', 'dask', command, *arguments, '--no-dashboard'],
+    process = subprocess.Popen([sys.executable, '-m', 'dask', command, *map(str, arguments), '--no-dashboard'],
                                stderr=subprocess.PIPE, text=True)
     try:
         yield process.stderr
@@ -83,26 +83,34 @@ def test_a_cluster_that_is_there_already_is_used(folder, expected, tmp_path):
     check(run, folder, tmp_path / 'out', expected)
 
 
-def test_the_local_cluster_divides_the_processors_and_listens_on_loopback_only():
-    code = '''
-import os
-from svdm_ros.bags import many
-if __name__ == '__main__':
-    with many.cluster(None, 2, 5) as client:
-        print(*client.nthreads().values(), len(os.sched_getaffinity(0)), flush=True)
-        input()
-'''
-    # From a file, as the workers import it.
-    process = subprocess.Popen([sys.executable, '-c', code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    try:
-        first, second, processors = map(int, process.stdout.readline().split())
-        assert first == second == max(processors // 2, 1)
-        own = psutil.Process(process.pid)
-        listening = [one.laddr.ip for member in (own, *own.children(recursive=True))
-                     for one in member.net_connections('inet') if one.status == psutil.CONN_LISTEN]
-        assert len(listening) >= 3 and set(listening) == {'127.0.0.1'}
-    finally:
-        process.communicate('\n', timeout=30)
+def certificates(folder):
+    """A certificate of its own authority and its key, by openssl; the files."""
+    certificate, key = folder / 'certificate.pem', folder / 'key.pem'
+    subprocess.run(['openssl', 'req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-subj', '/CN=svdm-test', '-days', '2',
+                    '-keyout', key, '-out', certificate], check=True, capture_output=True)
+    return certificate, key
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which('openssl') is None, reason='there is no openssl to make certificates with')
+def test_a_cluster_with_tls_takes_only_who_has_a_certificate(folder, expected, tmp_path, monkeypatch):
+    certificate, key = certificates(tmp_path)
+    tls = ('--tls-ca-file', certificate, '--tls-cert', certificate, '--tls-key', key)
+    inputs = folder / 'a', folder / 'c'
+    with dask('scheduler', '--protocol', 'tls', '--host', '127.0.0.1', '--port', '0', *tls) as log:
+        address = next(line.split()[-1] for line in log if 'Scheduler at:' in line)
+        assert address.startswith('tls://')
+        with dask('worker', address, '--nthreads', '1', '--host', '127.0.0.1', '--no-nanny', *tls) as log:
+            next(line for line in log if 'Registered to' in line)
+            refused = process(*inputs, tmp_path / 'out', '--scheduler', address)
+            assert refused.returncode == 2
+            [line] = refused.stderr.splitlines()
+            assert 'tls needs certificates: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE' in line
+            for name, file in (('CA_FILE', certificate), ('CLIENT__CERT', certificate), ('CLIENT__KEY', key)):
+                monkeypatch.setenv(f'DASK_DISTRIBUTED__COMM__TLS__{name}', str(file))
+            run = process(*inputs, tmp_path / 'out', '--scheduler', address)
+    assert run.returncode == 0, run.stderr
+    assert {name: contents(tmp_path / 'out' / name) for name in 'ac'} == expected
 
 
 @pytest.mark.parametrize(('arguments', 'told'), [

@@ -9,7 +9,8 @@ import recordings
 from recordings import LEFT, LEFT_INFO, contents, stereo
 
 from svdm_ros.bags import partial_bag
-from svdm_ros.bags.partial_bag import OutputTopic, open_partial, partial_path
+from svdm_ros.bags.partial_bag import OutputTopic, open_partial
+from svdm_ros.bags.partial_folder import partial_path
 from svdm_ros.bags.recording import open_recording
 
 TOPICS = [OutputTopic(LEFT, 'sensor_msgs/msg/Image', recordings.ROS2),
@@ -40,11 +41,11 @@ def fill(bag, messages):
             bag.commit({'done': number + 1})
 
 
-def finished(output, messages):
-    with open_partial(output, TOPICS, SETTINGS, force=False) as bag:
+def finished(output, messages, force=False):
+    with open_partial(output, TOPICS, SETTINGS, force=force) as bag:
         fill(bag, messages)
         bag.commit({'done': len(messages) // 2}, now=True)
-        bag.finish(lambda folder: (folder / 'note.txt').write_text('whole'))
+        bag.finish(lambda folder: (folder / 'summary.json').write_text('whole'))
     return output
 
 
@@ -58,7 +59,7 @@ def test_the_finished_bag_holds_all_of_it_in_files_of_a_volume(tmp_path, message
     assert contents(output) == expected
     assert not partial_path(output).exists()
     files = sorted(path.name for path in output.iterdir())
-    assert files == ['metadata.yaml', 'note.txt', *(f'out_{number}.mcap' for number in range(5))]
+    assert files == ['metadata.yaml', *(f'out_{number}.mcap' for number in range(5)), 'summary.json']
     for file in output.glob('*.mcap'):
         assert set(contents(file)) <= set(expected)
     with open_recording(output) as recording:
@@ -111,7 +112,7 @@ def test_a_kill_between_two_renamings_leaves_a_bag_and_costs_nothing(
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(partial_bag.os, 'replace', killed)
         # A kill tidies nothing up.
-        patch.setattr(partial_bag.PartialBag, 'abandon_segment', lambda bag: bag._lock.close())
+        patch.setattr(partial_bag.PartialBag, 'abandon_segment', lambda bag: None)
         finished(output, messages)
     if stop > 1:  # before that there is no bag yet
         found = contents(partial_path(output))
@@ -148,5 +149,8 @@ def test_a_bag_of_the_same_name_is_replaced_in_the_end_only(tmp_path, messages, 
     with open_partial(output, TOPICS, SETTINGS, force=True) as bag:
         fill(bag, messages)
         assert contents(output) == expected[:20]
-    assert contents(finished(output, messages)) == expected
+    with pytest.raises(ValueError, match='out exists already'):
+        finished(output, messages)
+    assert contents(output) == expected[:20]
+    assert contents(finished(output, messages, force=True)) == expected
     assert [path.name for path in tmp_path.iterdir()] == ['out']

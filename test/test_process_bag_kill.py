@@ -1,8 +1,11 @@
 """kill -9 at any moment: what is there is a bag of whole messages, and the next run ends with the same bytes."""
 import multiprocessing
 import os
+import queue
 import random
 import signal
+import sys
+import threading
 import time
 from collections import Counter
 
@@ -100,3 +103,30 @@ def test_a_signal_ends_it_with_a_line_and_loses_no_pair_that_is_done(bag, start,
     told = (tmp_path / 'out.log').read_text()
     assert 'interrupted; what is done is kept, the same command goes on from there' in told
     assert 10 <= sum(topic == '/disparity' for topic, _, _ in contents(partial)) < PAIRS
+
+
+@pytest.mark.timeout(30)
+def test_a_signal_within_a_queue_ends_it_all_the_same(bag, tmp_path, monkeypatch, capsys):
+    """An exception there, between the waking of the other thread and the note of it, would have that wait for ever."""
+    came = []
+
+    class Interrupted(threading.Condition):
+        def notify(self, n=1):
+            if not came and self._waiters and threading.current_thread() is threading.main_thread():
+                came.append(True)
+                self._waiters[0].release()
+                signal.raise_signal(signal.SIGINT)
+                self._waiters.popleft()
+            else:
+                super().notify(n)
+
+    class Queue(queue.Queue):
+        def __init__(self, size):
+            super().__init__(size)
+            self.not_empty = Interrupted(self.mutex)
+
+    monkeypatch.setattr('svdm_ros.bags.threads.queue.Queue', Queue)
+    assert main([str(bag), str(tmp_path / 'out'), '--set', 'num_disparities=16']) == 130
+    assert came
+    assert 'interrupted; what is done is kept' in capsys.readouterr().err
+    assert sum(topic == '/disparity' for topic, _, _ in contents(tmp_path / 'out.partial')) < PAIRS

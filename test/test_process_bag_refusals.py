@@ -167,7 +167,8 @@ def test_an_output_that_exists_is_not_overwritten_without_force(bag, run, tmp_pa
     assert contents(tmp_path / 'out') != before
     mine = tmp_path / 'mine'
     mine.mkdir()
-    assert 'mine is no bag: --force replaces bags only' in run(bag, '--force', output='mine', code=2)
+    told = run(bag, '--force', output='mine', code=2)
+    assert 'mine is no bag (no metadata.yaml in it), --force replaces bags only' in told
     assert 'name it without .mcap' in run(bag, output='out.mcap', code=2)
 
 

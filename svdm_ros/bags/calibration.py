@@ -120,8 +120,12 @@ def stereo_rectified(
 
     k, d: of the left and the right camera; right_from_left: (4, 4), points of the left camera to the right one, m.
     """
-    r_left, r_right, p_left, p_right, *_ = cv2.stereoRectify(
-        k[0], d[0], k[1], d[1], size, right_from_left[:3, :3].copy(), right_from_left[:3, 3:].copy(),
-        flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
+    try:
+        r_left, r_right, p_left, p_right, *_ = cv2.stereoRectify(
+            k[0], d[0], k[1], d[1], size, right_from_left[:3, :3].copy(), right_from_left[:3, 3:].copy(),
+            flags=cv2.CALIB_ZERO_DISPARITY, alpha=0)
+    except cv2.error as error:
+        raise ValueError('the cameras cannot be rectified, their matrices are no calibration '
+                         f'({" ".join(str(error).split())})') from None
     return StereoCalibration(CameraCalibration(size, k[0], d[0], r_left, p_left),
                              CameraCalibration(size, k[1], d[1], r_right, p_right), source, is_rectified=False)

@@ -1,21 +1,27 @@
 """Calibration files of KITTI, EuRoC, Middlebury v3 and ROS camera_calibration, told apart by what is in them."""
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from .calibration import CameraCalibration, Matrix, Size, StereoCalibration, rectified_camera, stereo_rectified
+from .user_files import SETTINGS, parse_yaml, read_text, shown
 
 KINDS = 'calib.txt or calib_cam_to_cam.txt of KITTI, calib.txt of Middlebury v3, sensor.yaml of EuRoC (cam0, cam1), ' \
         'yaml of ROS camera_calibration (left, right)'
 COLOUR_FOLDERS = ('image_2', 'image_3', 'image_02', 'image_03')
 """KITTI's folders of the colour cameras, 2 and 3; its grey ones are 0 and 1."""
-_NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
+_OPENCV_HEAD = '%YAML:1.0'
+"""OpenCV, and with it EuRoC's tools, write a version line that YAML itself does not know."""
+_DIGITS = frozenset('0123456789+-.eE')
+_LONGEST_NUMBER = 64
+_SEPARATORS = str.maketrans('[],;', '    ')
+_LARGEST_SIDE = 2**16
+"""px"""
 _SAME_OFFSET = 0.01
 """px; doffs of Middlebury is rounded to three places, and so are the principal points."""
 
@@ -34,31 +40,71 @@ def read_calibration(files: Sequence[Path], colour: bool) -> StereoCalibration:
     try:
         if len(files) == 2:
             raise ValueError('is the calibration of both cameras: give --calib once')
-        if re.search(r'^\s*cam0\s*=', text, re.MULTILINE):
-            return _middlebury(text)
-        return _kitti(text, colour)
+        values = _labelled(text, '=')
+        return _middlebury(values) if 'cam0' in values else _kitti(text, colour)
     except ValueError as error:
         raise ValueError(f'{files[0]}: {error}') from None
 
 
 def _read(path: Path) -> str:
-    if not path.is_file():
+    if not path.exists():
         raise ValueError(f'{path}: there is no such file; --calib takes {KINDS}')
-    return path.read_text(errors='replace')
+    return read_text(path, SETTINGS)
+
+
+# Text of names and numbers. Split and counted: a regular expression may try a line in a million ways.
+
+
+def _labelled(text: str, sign: str) -> dict[str, str]:
+    """The lines `name SIGN value`."""
+    values = {}
+    for line in text.splitlines():
+        name, found, value = line.partition(sign)
+        if found and name.strip().replace('_', 'a').isalnum():
+            values[name.strip()] = value.strip()
+    return values
+
+
+def _numbers(text: str, count: int, name: str, what: str) -> list[float]:
+    """All numbers of a text, which are `count`."""
+    words = text.translate(_SEPARATORS).split()
+    if len(words) != count:
+        raise ValueError(f'{name} has {len(words)} numbers, {what} has {count}')
+    return [_number(word, f'{name} has') for word in words]
+
+
+def _number(word: str, told: str) -> float:
+    if _looks_like_a_number(word):
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if math.isfinite(value):
+            return value
+    raise ValueError(f'{told} {shown(word)}, it must be a number')
+
+
+def _looks_like_a_number(word: str) -> bool:
+    return len(word) <= _LONGEST_NUMBER and _DIGITS.issuperset(word)
+
+
+def _size(width: float, height: float, name: str) -> Size:
+    if not all(px.is_integer() and 0 < px <= _LARGEST_SIDE for px in (width, height)):
+        raise ValueError(f'{name} is {width:g} x {height:g}, it must be whole px from 1 to {_LARGEST_SIDE}')
+    return int(width), int(height)
 
 
 # Middlebury v3
 
 
-def _middlebury(text: str) -> StereoCalibration:
-    values = dict(re.findall(r'^[ \t]*(\w+)[ \t]*=[ \t]*(.*?)[ \t\r]*$', text, re.MULTILINE))
+def _middlebury(values: Mapping[str, str]) -> StereoCalibration:
     left, right = (_middlebury_camera(values, name) for name in ('cam0', 'cam1'))
     baseline, doffs, width, height = (_middlebury_number(values, name)
                                       for name in ('baseline', 'doffs', 'width', 'height'))
     if abs(right[0, 2] - left[0, 2] - doffs) > _SAME_OFFSET:
         raise ValueError(f'doffs is {doffs:g}, the principal points of cam0 and cam1 are '
                          f'{right[0, 2] - left[0, 2]:g} px apart: one of them is wrong')
-    size = int(width), int(height)
+    size = _size(width, height, 'width, height')
     zero = np.zeros((3, 1))
     p_left, p_right = np.hstack([left, zero]), np.hstack([right, zero])
     p_right[0, 3] = -right[0, 0] * baseline / 1000  # mm
@@ -66,17 +112,11 @@ def _middlebury(text: str) -> StereoCalibration:
 
 
 def _middlebury_camera(values: Mapping[str, str], name: str) -> Matrix:
-    numbers = re.findall(_NUMBER, _needed(values, name))
-    if len(numbers) != 9:
-        raise ValueError(f'{name} has {len(numbers)} numbers, a camera matrix has 9')
-    return np.array(numbers, np.float64).reshape(3, 3)
+    return np.reshape(_numbers(_needed(values, name), 9, name, 'a camera matrix'), (3, 3))
 
 
 def _middlebury_number(values: Mapping[str, str], name: str) -> float:
-    text = _needed(values, name)
-    if not re.fullmatch(_NUMBER, text):
-        raise ValueError(f'{name} is {text!r}, it must be a number')
-    return float(text)
+    return _number(_needed(values, name), f'{name} is')
 
 
 # KITTI
@@ -84,7 +124,7 @@ def _middlebury_number(values: Mapping[str, str], name: str) -> float:
 
 def _kitti(text: str, colour: bool) -> StereoCalibration:
     lines = [line for line in text.splitlines() if line.strip()]
-    labelled = dict(re.findall(r'^[ \t]*(\w+)[ \t]*:[ \t]*(.*?)[ \t\r]*$', text, re.MULTILINE))
+    labelled = _labelled(text, ':')
     cameras = (2, 3) if colour else (0, 1)
     if 'P_rect_00' in labelled or 'P_rect_02' in labelled:
         matrices = [_kitti_matrix(labelled, f'P_rect_0{camera}') for camera in cameras]
@@ -92,10 +132,10 @@ def _kitti(text: str, colour: bool) -> StereoCalibration:
         return _kitti_pair(matrices, size)
     if 'P0' in labelled or 'P2' in labelled:
         return _kitti_pair([_kitti_matrix(labelled, f'P{camera}') for camera in cameras], None)
-    rows = dict(enumerate(lines))
-    if len(rows) in (2, 4) and all(re.fullmatch(rf'\s*(?:{_NUMBER}\s*){{12}}', line) for line in lines):
-        first = cameras[0] if len(rows) == 4 else 0
-        return _kitti_pair([_twelve(rows[first + camera], f'line {first + camera + 1}') for camera in (0, 1)], None)
+    if len(lines) in (2, 4) and all(_looks_like_a_number(word) for line in lines for word in line.split()):
+        matrices = [_twelve(line, f'line {number}') for number, line in enumerate(lines, 1)]
+        first = cameras[0] if len(lines) == 4 else 0
+        return _kitti_pair(matrices[first:first + 2], None)
     raise ValueError(f'is none of the calibrations known: {KINDS}')
 
 
@@ -111,17 +151,12 @@ def _kitti_matrix(values: Mapping[str, str], name: str) -> Matrix:
 
 
 def _twelve(text: str, name: str) -> Matrix:
-    numbers = re.findall(_NUMBER, text)
-    if len(numbers) != 12:
-        raise ValueError(f'{name} has {len(numbers)} numbers, a projection matrix has 12')
-    return np.array(numbers, np.float64).reshape(3, 4)
+    return np.reshape(_numbers(text, 12, name, 'a projection matrix'), (3, 4))
 
 
 def _kitti_size(values: Mapping[str, str], name: str) -> Size:
-    numbers = [float(number) for number in re.findall(_NUMBER, _needed(values, name))]
-    if len(numbers) != 2:
-        raise ValueError(f'{name} has {len(numbers)} numbers, an image size has 2')
-    return int(numbers[0]), int(numbers[1])
+    width, height = _numbers(_needed(values, name), 2, name, 'an image size')
+    return _size(width, height, name)
 
 
 # yaml, a file a camera: EuRoC and ROS camera_calibration
@@ -144,12 +179,12 @@ def _read_yaml_pair(files: Sequence[Path]) -> StereoCalibration:
 
 def _load_yaml(path: Path) -> dict[str, Any]:
     text = _read(path)
-    # OpenCV, and with it EuRoC's tools, write a version line that YAML itself does not know.
-    text = re.sub(r'\A%YAML:1\.0\s*(---)?', '', text)
+    if text.startswith(_OPENCV_HEAD):
+        text = text.removeprefix(_OPENCV_HEAD).lstrip().removeprefix('---')
     try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f'{path}: no YAML: {" ".join(str(error).split())}') from None
+        content = parse_yaml(text, SETTINGS)
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from None
     if not isinstance(content, dict):
         raise ValueError(f'{path}: no YAML of names and values')
     return content
@@ -201,8 +236,8 @@ def _ros_camera(camera: Mapping[str, Any], side: str, size: Size) -> CameraCalib
 def _check_model(camera: Mapping[str, Any], side: str, name: str, allowed: Sequence[str]) -> None:
     model = _needed(camera, name)
     if model not in allowed:
-        raise ValueError(f'{name} of the {side} camera is {model!r}, it must be {" or ".join(allowed)}: rectify the '
-                         'images with the tool they were calibrated with, and give a calibration of the result')
+        raise ValueError(f'{name} of the {side} camera is {shown(model)}, it must be {" or ".join(allowed)}: rectify '
+                         'the images with the tool they were calibrated with, and give a calibration of the result')
 
 
 def _check_same_size(sizes: Mapping[str, Size]) -> None:
@@ -212,8 +247,9 @@ def _check_same_size(sizes: Mapping[str, Size]) -> None:
 
 
 def _size_of(value: Any, what: str) -> Size:
-    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(px, int) and px > 0 for px in value):
-        raise ValueError(f'{what} is {value!r}, it must be [width, height] in px')
+    if not isinstance(value, list) or len(value) != 2 or not all(
+            isinstance(px, int) and 0 < px <= _LARGEST_SIDE for px in value):
+        raise ValueError(f'{what} is {shown(value)}, it must be [width, height] in px, up to {_LARGEST_SIDE}')
     return value[0], value[1]
 
 
@@ -224,7 +260,7 @@ def _array(camera: Mapping[str, Any], name: str, shape: tuple[int, ...], side: s
     count = int(np.prod(shape))
     try:
         array = np.array(numbers, np.float64).ravel()
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0)
     if array.size != count or not np.isfinite(array).all():
         raise ValueError(f'{name} of the {side} camera must be {count} numbers')

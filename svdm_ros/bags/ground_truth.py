@@ -12,6 +12,7 @@ from svdm_core.kernels.arrays import Float32
 
 from .calibration import Size
 from .image_files import FilePair
+from .user_files import IMAGE, check_regular
 
 
 def truth_files(truth: Path, pairs: Sequence[FilePair]) -> Mapping[Path, Path]:
@@ -24,6 +25,8 @@ def truth_files(truth: Path, pairs: Sequence[FilePair]) -> Mapping[Path, Path]:
             raise ValueError(f'{truth} is one file for {len(pairs)} pairs: name the folder of the ground truth')
         return {pairs[0].left: truth}
     if not truth.is_dir():
+        if truth.exists():
+            check_regular(truth, IMAGE)
         raise ValueError(f'{truth}: there is no such folder')
     there = {path.stem: path for path in truth.iterdir() if path.suffix.lower() in ('.png', '.pfm')}
     found = {pair.left: there[pair.left.stem] for pair in pairs if pair.left.stem in there}
@@ -37,6 +40,7 @@ def read_truth(path: Path, size: Size) -> Float32:
 
     Raises ValueError where it is none, knows no pixel, or is not of `size` (width, height in px).
     """
+    check_regular(path, IMAGE)
     truth = read_pfm(path) if path.suffix.lower() == '.pfm' else read_kitti_truth(path)
     if truth.shape != size[::-1]:
         raise ValueError(f'{path} has {truth.shape[1]}x{truth.shape[0]} px, the images have {size[0]}x{size[1]}: give '

@@ -15,6 +15,7 @@ from .command import progress
 from .ground_truth import read_truth, truth_files
 from .image_files import FilePair, find_pairs, read_pixels
 from .new_bag import add_topic, check_bag_output, new_bag
+from .output_place import check_apart
 from .stereo_messages import (
     CAMERA_INFO,
     DISPARITY_IMAGE,
@@ -34,6 +35,7 @@ _SIDES: tuple[SideName, ...] = ('left', 'right')
 
 def run(options: argparse.Namespace) -> int:
     """Write the bag and say what was written; the exit code 0 or 1. ValueError or OSError with one line."""
+    check_apart(options.output, [*filter(None, (options.left, options.right, options.ground_truth)), *options.calib])
     check_bag_output(options.output, options.force)
     found = find_pairs(options.left, options.right, options.rate)
     first = read_pixels(found.pairs[0].left)

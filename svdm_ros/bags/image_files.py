@@ -6,12 +6,15 @@ import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from svdm_core.files.images import read_image
+
+from .user_files import IMAGE, TIMES, check_regular, cut, read_text, shown
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm')
 TIMES_FILES = ('times.txt', 'timestamps.txt')
@@ -70,6 +73,8 @@ def _images(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if not path.is_dir():
+        if path.exists():
+            check_regular(path, IMAGE)
         raise ValueError(f'{path}: there is no such folder')
     found = [file for file in path.iterdir() if file.suffix.lower() in SUFFIXES and not file.name.startswith('.')]
     if not found:
@@ -105,11 +110,11 @@ def _times_file(images: Path) -> Path | None:
     """Beside the images or one folder up: sequences/00/times.txt, image_00/timestamps.txt."""
     folder = (images if images.is_dir() else images.parent).resolve()
     places = [place / name for place in (folder, folder.parent) for name in TIMES_FILES]
-    return next((place for place in places if place.is_file()), None)
+    return next((place for place in places if place.exists()), None)
 
 
 def _read_times(path: Path, count: int) -> list[int]:
-    lines = [line.strip() for line in path.read_text(errors='replace').splitlines() if line.strip()]
+    lines = [line.strip() for line in read_text(path, TIMES).splitlines() if line.strip()]
     if len(lines) != count:
         raise ValueError(f'{path} has {len(lines)} times for {count} pairs: make it fit, or give --rate')
     stamps = []
@@ -117,9 +122,9 @@ def _read_times(path: Path, count: int) -> list[int]:
         try:
             stamps.append(_time(line))
         except (ValueError, OverflowError):
-            raise ValueError(f'{path}: line {number} is {line!r}, it must be seconds, or date and time') from None
+            raise ValueError(f'{path}: line {number} is {shown(line)}, it must be seconds, or date and time') from None
         if stamps[-1] < 0 or (number > 1 and stamps[-1] <= stamps[-2]):
-            raise ValueError(f'{path}: the time of line {number}, {line}, is not after the one before')
+            raise ValueError(f'{path}: the time of line {number}, {cut(line)}, is not after the one before')
     return stamps
 
 
@@ -132,9 +137,18 @@ def _time(line: str) -> int:
     return round(float(line) * 1e9)
 
 
+def read_checked(path: Path, flags: int) -> NDArray[Any]:
+    """`read_image` of a regular file of a size that OpenCV takes. Raises ValueError."""
+    check_regular(path, IMAGE)
+    try:
+        return read_image(path, flags)
+    except cv2.error as error:
+        raise ValueError(f'{path}: OpenCV does not read it ({cut(str(error))})') from None
+
+
 def read_pixels(path: Path) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """uint8 (H, W) or (H, W, 3) in the order B, G, R, or uint16 (H, W). ValueError for anything else, or no image."""
-    image = read_image(path, _AS_IT_IS)
+    image = read_checked(path, _AS_IT_IS)
     if image.dtype == np.uint8 or (image.dtype == np.uint16 and image.ndim == 2):
         return image
     raise ValueError(f'{path}: an image of {image.dtype} with {1 if image.ndim == 2 else image.shape[2]} channels; '

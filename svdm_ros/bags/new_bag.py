@@ -11,6 +11,7 @@ from typing import Literal
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
+from .output_place import check_place, put_in_place
 from .stereo_messages import TYPES
 
 Storage = Literal['mcap', 'sqlite3']
@@ -26,14 +27,7 @@ def check_bag_output(path: Path, force: bool) -> None:
 
     Raises ValueError where `path` exists (with `force`: where it is no bag), or its folder is missing or read-only.
     """
-    if os.path.lexists(path):
-        if not force:
-            raise ValueError(f'{path} exists already: remove it, name another one, or give --force')
-        if not (path / 'metadata.yaml').is_file():
-            raise ValueError(f'{path} is no bag (no metadata.yaml in it), --force replaces bags only: remove it, or '
-                             'name another one')
-    if not path.parent.is_dir():
-        raise ValueError(f'{path}: there is no folder {path.parent}')
+    check_place(path, force)
     if not os.access(path.parent, os.W_OK):
         raise ValueError(f'{path}: the folder {path.parent} cannot be written')
 
@@ -53,9 +47,7 @@ def new_bag(path: Path, storage: Storage, compression: Compression, force: bool)
             writer.set_compression(mode, CompressionFormat.ZSTD)
         with writer:
             yield writer
-        if force and path.is_dir():
-            path.rename(Path(waiting) / 'replaced')
-        writer.path.rename(path)
+        put_in_place(writer.path, path, force)
 
 
 def add_topic(writer: Writer, topic: str, message_type: str) -> Connection:

@@ -8,33 +8,50 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import fcntl
 import json
 import os
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import yaml
 from rosbags.interfaces import Qos
 from rosbags.typesys.store import Typestore
 
 from .mcap_storage import BagWriter
+from .metadata import METADATA_FILE, ROOT, read_metadata
+from .output_place import put_in_place
+from .partial_folder import (
+    IN_WORK,
+    NEW,
+    SEGMENT_SUFFIX,
+    STATE_FILE,
+    is_bag_file,
+    locked_folder,
+    partial_path,
+    remove_folder,
+    remove_marks,
+    remove_own,
+)
+from .recording import RecordingError, open_recording
+from .user_files import METADATA, cut, read_text
 
 SEGMENT_BYTES = 32 * 2**20
 """What a kill can cost: a small file is closed as soon as it holds this much."""
 VOLUME_BYTES = 2**30
 """Size of a file of the finished bag; one file as long as it is not more."""
 
-_METADATA = 'metadata.yaml'
-_ROOT = 'rosbag2_bagfile_information'
 _STATE = 'svdm_ros'
-_LOCK = '.lock'
-_SEGMENT_SUFFIX = '.segment.mcap'
-_IN_WORK = 'in_work'
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 _DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)
+
+
+class DamagedBagError(ValueError):
+    """A bag under construction that no run can go on with."""
+
+    def __init__(self, file: Path, reason: str) -> None:
+        super().__init__(f'{file}: damaged ({reason}): --force removes what process_bag wrote in this folder and '
+                         'begins anew; or name another output')
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -53,34 +70,43 @@ class PartialBag:
     state: what the last `commit` that reached the disk was given; empty for a new bag.
     """
 
-    def __init__(self, output: Path, topics: Sequence[OutputTopic], lock: TextIO) -> None:
+    def __init__(self, output: Path, topics: Sequence[OutputTopic], force: bool) -> None:
         self._output = output
+        self._force = force
         self._folder = partial_path(output)
         self._definitions = [(topic, topic.typestore.generate_msgdef(topic.message_type, ros_version=2)[0],
                               topic.typestore.hash_rihs01(topic.message_type)) for topic in topics]
-        self._lock = lock
         self._writer: BagWriter | None = None
         self._connections: dict[str, Any] = {}
         self._bytes = 0
         self._metadata: dict[str, Any] = {}
+        self._settings: dict[str, Any] = {}
+        self._is_open = True
         self.state: dict[str, Any] = {}
 
     def start(self, settings: dict[str, Any]) -> None:
         """Go on with what is in the folder, or make it an empty bag.
 
-        Raises ValueError where it was begun with other settings.
+        Raises ValueError where it was begun with other settings, DamagedBagError where it cannot be gone on with.
         """
-        if (self._folder / _METADATA).is_file():
-            self._metadata = yaml.load((self._folder / _METADATA).read_text(), _LOADER)[_ROOT]
-            stored = json.loads(self._metadata['custom_data'][_STATE])
-            _check_same(self._folder, stored['settings'], settings)
-            self._settings, self.state = settings, stored['state']
+        if self._force:
+            remove_own(self._folder, ())
+        self._settings = settings
+        if os.path.lexists(self._folder / METADATA_FILE):
+            self._metadata, stored, self.state = read_partial(self._folder)
+            _check_same(self._folder, stored, settings)
+            if not self._metadata['custom_data']:  # it was complete, up to its name
+                self._metadata['custom_data'] = {_STATE: json.dumps(self._stored())}
+                self._write_metadata()
             self._remove_unlisted()
         else:
-            self._settings = settings
             self._remove_unlisted()
             self._open_segment()
             self._close_segment({})
+
+    def damaged(self, reason: str) -> DamagedBagError:
+        """What is raised where the state turns out to be none."""
+        return DamagedBagError(self._folder / METADATA_FILE, reason)
 
     def write(self, topic: str, time_ns: int, data: bytes | memoryview) -> None:
         """Add one message. It is there to stay once a `commit` closes the file it is in."""
@@ -106,41 +132,44 @@ class PartialBag:
             _give_up(writer)
         with contextlib.suppress(OSError):
             self._remove_unlisted()
-        self._lock.close()
+        self._is_open = False
 
     def finish(self, add_files: Callable[[Path], None]) -> None:
-        """Join what is there and give the bag its name; a bag of that name is replaced.
+        """Join what is there and give the bag its name; with `force` a bag of that name is replaced.
 
         `add_files(folder)` is called before that, when the bag is complete, and may write further files beside it.
+        Raises ValueError where something else has come to have the name; the bag stays as it is.
         """
         if self._segments():
             self._join()
         add_files(self._folder)
+        # The metadata of the finished bag have no place for the state; a run after a kill finds it here.
+        self._replace(STATE_FILE, json.dumps(self._stored()))
         self._metadata['custom_data'] = None
         self._write_metadata()
-        (self._folder / _LOCK).unlink()
-        replaced = self._output.with_name(f'{self._output.name}.replaced')
-        if self._output.exists():
-            self._output.rename(replaced)
-        self._folder.rename(self._output)
-        if replaced.exists():
-            shutil.rmtree(replaced)
-        self._lock.close()
+        put_in_place(self._folder, self._output, self._force)
+        self._is_open = False
+        remove_marks(self._output)
 
     def discard(self) -> None:
-        """Remove it, with all that is in it."""
+        """Remove it, with all that this program wrote into it."""
         self.abandon_segment()
-        shutil.rmtree(self._folder)
+        remove_folder(self._folder)
+
+    def leave(self) -> None:
+        """Keep what is committed, where the bag has neither been finished nor discarded."""
+        if self._is_open:
+            self.abandon_segment()
 
     def _segments(self) -> list[dict[str, Any]]:
-        return [file for file in self._metadata['files'] if file['path'].endswith(_SEGMENT_SUFFIX)]
+        return [file for file in self._metadata['files'] if file['path'].endswith(SEGMENT_SUFFIX)]
 
     def _volumes(self) -> list[dict[str, Any]]:
-        return [file for file in self._metadata['files'] if not file['path'].endswith(_SEGMENT_SUFFIX)]
+        return [file for file in self._metadata['files'] if not file['path'].endswith(SEGMENT_SUFFIX)]
 
     def _open_segment(self) -> BagWriter:
         if self._writer is None:
-            self._writer, self._connections = self._open_writer(f'{_IN_WORK}_segment')
+            self._writer, self._connections = self._open_writer(f'{IN_WORK}segment')
             self._bytes = 0
         return self._writer
 
@@ -159,7 +188,7 @@ class PartialBag:
         earlier = self._metadata.setdefault('files', [])
         number = 1 + max((int(file['path'].partition('.')[0]) for file in self._segments()), default=-1)
         try:
-            added = self._closed(writer, f'{number}{_SEGMENT_SUFFIX}')
+            added = self._closed(writer, f'{number}{SEGMENT_SUFFIX}')
         except BaseException:
             _give_up(writer)
             raise
@@ -170,14 +199,14 @@ class PartialBag:
         for entry, count in zip(added['topics_with_message_count'], counts, strict=False):
             entry['message_count'] += count
         self.state = state
-        self._metadata['custom_data'] = {_STATE: json.dumps({'settings': self._settings, 'state': state})}
+        self._metadata['custom_data'] = {_STATE: json.dumps(self._stored())}
         self._write_metadata()
         self._remove_unlisted()
 
     def _closed(self, writer: BagWriter, name: str) -> dict[str, Any]:
         """Close a writer and give its file a name in the folder; the metadata rosbags wrote for it."""
         writer.close()
-        metadata: dict[str, Any] = yaml.load(writer.metapath.read_text(), _LOADER)[_ROOT]
+        metadata = read_metadata(writer.metapath)
         [file] = metadata['files']
         os.replace(writer.path / file['path'], self._folder / name)
         shutil.rmtree(writer.path)
@@ -186,7 +215,7 @@ class PartialBag:
 
     def _join(self) -> None:
         """All segments into one volume."""
-        writer, _ = self._open_writer(f'{_IN_WORK}_volume')
+        writer, _ = self._open_writer(f'{IN_WORK}volume')
         volumes = self._volumes()
         try:
             for file in self._segments():
@@ -208,23 +237,23 @@ class PartialBag:
         self._metadata['starting_time'] = {'nanoseconds_since_epoch': min(starts)}
         self._metadata['duration'] = {'nanoseconds': max(ends) - min(starts)}
         self._metadata['message_count'] = sum(file['message_count'] for file in files)
-        temporary = self._folder / f'{_METADATA}.new'
-        temporary.write_text(yaml.dump({_ROOT: self._metadata}, Dumper=_DUMPER, sort_keys=False))
-        os.replace(temporary, self._folder / _METADATA)
+        self._replace(METADATA_FILE, yaml.dump({ROOT: self._metadata}, Dumper=_DUMPER, sort_keys=False))
+
+    def _replace(self, name: str, text: str) -> None:
+        """Replace a file by one that is whole at any moment."""
+        temporary = self._folder / f'{name}{NEW}'
+        temporary.write_text(text)
+        os.replace(temporary, self._folder / name)
+
+    def _stored(self) -> dict[str, Any]:
+        return {'settings': self._settings, 'state': self.state}
 
     def _remove_unlisted(self) -> None:
         """What a kill, a join or an abandoned segment left."""
-        listed = {_METADATA, _LOCK, *self._metadata.get('relative_file_paths', ())}
-        for path in self._folder.iterdir():
-            if path.is_dir():
-                shutil.rmtree(path)
-            elif path.name not in listed:
-                path.unlink()
-
-
-def partial_path(output: Path) -> Path:
-    """Where the bag `output` is under construction."""
-    return output.with_name(f'{output.name}.partial')
+        kept = [METADATA_FILE, *self._metadata.get('relative_file_paths', ())]
+        if not self._metadata.get('custom_data'):
+            kept.append(STATE_FILE)
+        remove_own(self._folder, kept)
 
 
 @contextlib.contextmanager
@@ -234,29 +263,60 @@ def open_partial(
     """Begin the bag `output`, or go on with it; `force` begins anew.
 
     settings: what the messages depend on, as JSON can hold it; another run goes on only where they are equal.
-    Leaving without `finish` keeps what is committed. Raises ValueError where another process is at it, or the settings
-    differ.
+    Leaving without `finish` keeps what is committed. Raises ValueError where the folder is not of this program, where
+    another process is at it, where the settings differ, or where it is damaged.
     """
-    folder = partial_path(output)
-    folder.mkdir(exist_ok=True)
-    lock = (folder / _LOCK).open('w')
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(f'{folder}: another process is writing it: wait for it, or name another output') from None
-        if force:
-            (folder / _METADATA).unlink(missing_ok=True)
-        bag = PartialBag(output, topics, lock)
+    with locked_folder(output):
+        bag = PartialBag(output, topics, force)
         bag.start(settings)
-    except BaseException:
-        lock.close()
-        raise
+        try:
+            yield bag
+        finally:
+            bag.leave()
+
+
+def read_partial(folder: Path) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """Metadata, settings and state of a bag under construction; of one that is complete too, whose metadata have none.
+
+    Raises DamagedBagError where any of it is not what this program writes, or a file of the bag cannot be read.
+    """
+    file = folder / METADATA_FILE
     try:
-        yield bag
-    finally:
-        if not lock.closed:
-            bag.abandon_segment()
+        metadata = read_metadata(file)
+        _check_files(folder, metadata)
+        text = (metadata.get('custom_data') or {}).get(_STATE)
+        if text is None:
+            file = folder / STATE_FILE
+            text = read_text(file, METADATA)
+            metadata['custom_data'] = None
+        stored = json.loads(text)
+        settings, state = stored['settings'], stored['state']
+        if not isinstance(settings, dict) or not isinstance(state, dict):
+            raise TypeError('settings and state are no objects')
+        with open_recording(folder):
+            pass
+    except RecordingError as error:
+        raise DamagedBagError(folder, cut(str(error).removeprefix(f'{folder}: '))) from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        reason = f'no {error}' if isinstance(error, KeyError) else str(error).removeprefix(f'{file}: ')
+        raise DamagedBagError(file, cut(reason)) from None
+    return metadata, settings, state
+
+
+def _check_files(folder: Path, metadata: dict[str, Any]) -> None:
+    """Raise ValueError, KeyError or TypeError where the lists of files and topics are not as this program writes them.
+    """
+    names = [file['path'] for file in metadata['files']]
+    if not names or names != metadata['relative_file_paths'] or not all(
+            isinstance(name, str) and is_bag_file(folder / name) for name in names):
+        raise ValueError('its list of files is none of process_bag')
+    for file in metadata['files']:
+        numbers = (file['message_count'], file['starting_time']['nanoseconds_since_epoch'],
+                   file['duration']['nanoseconds'])
+        if not all(isinstance(number, int) for number in numbers):
+            raise ValueError(f'the entry of {file["path"]} has something else than numbers')
+    if not all(isinstance(topic['message_count'], int) for topic in metadata['topics_with_message_count']):
+        raise ValueError('the counts of the topics are no numbers')
 
 
 def _give_up(writer: BagWriter) -> None:

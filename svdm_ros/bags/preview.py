@@ -12,11 +12,11 @@ from svdm_core.files.colour_maps import DISPARITY_COLOURS, colour_map
 from svdm_core.kernels.arrays import Uint8
 
 from .frames import stamp_ns
+from .output_place import PREVIEW_FILE, PREVIEW_FOLDER
 from .outputs import DISPARITY_TOPIC, pixels_of
 from .recording import open_recording
 
 KINDS = ('mp4', 'png')
-_NAME = 'preview'
 _DEFAULT_RATE = 10.0
 
 
@@ -30,10 +30,10 @@ def write_preview(bag: Path, kind: str) -> None:
         topic = recording.topics[DISPARITY_TOPIC]
         messages = (recording.deserialize(message) for message in recording.messages([DISPARITY_TOPIC]))
         if kind == 'png':
-            _write_pictures(messages, bag / _NAME)
+            _write_pictures(messages, bag / PREVIEW_FOLDER)
         else:
             seconds = (recording.end_ns - recording.start_ns) / 1e9
-            _write_film(messages, bag / f'{_NAME}.mp4', topic.count / seconds if topic.count > 1 else _DEFAULT_RATE)
+            _write_film(messages, bag / PREVIEW_FILE, topic.count / seconds if topic.count > 1 else _DEFAULT_RATE)
 
 
 def picture(disparity: Any) -> Uint8:
@@ -44,7 +44,7 @@ def picture(disparity: Any) -> Uint8:
 
 
 def _write_pictures(messages: Iterator[Any], folder: Path) -> None:
-    folder.mkdir(exist_ok=True)
+    folder.mkdir()
     for message in messages:
         path = folder / f'{stamp_ns(message)}.png'
         path.write_bytes(cv2.imencode('.png', picture(message))[1].tobytes())

@@ -12,13 +12,16 @@ from ..frame_processing import FrameError, FrameProcessor, StereoFrame
 from ..parameter_set import NodeParameters
 from .calibration import StereoCalibration
 from .frames import TYPES, as_image, infos_of
+from .interrupts import deferred_interrupts
+from .output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
 from .outputs import Outputs
 from .pair_stream import PairStream, RecordedPair
-from .partial_bag import PartialBag, open_partial, partial_path
+from .partial_bag import PartialBag, open_partial
+from .partial_folder import partial_path, remove_marks
 from .preview import write_preview
 from .recording import RecordedMessage, Recording, RecordingError, open_recording
 from .stereo_topics import StereoTopics, find_stereo_topics
-from .summary import SUMMARY_FILE, Progress, Summary
+from .summary import Progress, Summary
 from .threads import WriteBehind, read_ahead
 
 _AHEAD = 8
@@ -58,12 +61,8 @@ def check_output(output: Path, force: bool) -> None:
     """Raise ValueError where `output` cannot become a bag, or is there already."""
     if output.suffix in ('.mcap', '.db3', '.bag'):
         raise ValueError(f'{output}: a bag is a folder: name it without {output.suffix}')
-    if output.exists() and not force:
-        raise ValueError(f'{output} exists already: remove it, name another, or give --force')
-    if output.exists() and not (output / 'metadata.yaml').is_file():
-        raise ValueError(f'{output} is no bag: --force replaces bags only')
-    if not output.absolute().parent.is_dir():
-        raise ValueError(f'{output}: there is no folder {output.parent}')
+    remove_marks(output)
+    check_place(output, force)
 
 
 def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
@@ -73,9 +72,8 @@ def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
     the Summary says why. Raises ValueError (RecordingError, NoPairsError included) where there is nothing to do or it
     cannot be begun. KeyboardInterrupt leaves the partial bag readable.
     """
+    check_apart(job.output, [job.input])
     check_output(job.output, job.force)
-    if job.input.resolve() == job.output.resolve():
-        raise ValueError(f'{job.output} is the recording itself: name another output')
     with open_recording(job.input) as recording:
         topics = _topics(job, recording)
         images = frozenset({topics.left, topics.right}) if job.copy_inputs else frozenset()
@@ -103,7 +101,10 @@ class _Run:
         self._outputs = outputs
         self._bag = bag
         self._processor = FrameProcessor(TYPES)
-        self._progress = Progress.of(bag.state)
+        try:
+            self._progress = Progress.of(bag.state)
+        except ValueError as error:
+            raise bag.damaged(str(error)) from None
         self._written = bag.state
         self._matched = 0
         self._matcher_ms = 0.0
@@ -116,7 +117,7 @@ class _Run:
             self._pass(tell)
             if self._progress.disparities:
                 self._bag.finish(lambda folder: self._add_files(folder, start))
-        except RecordingError as error:
+        except (RecordingError, PlaceTakenError) as error:
             problem = str(error)
         except OSError as error:
             problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}; make room, then the '
@@ -138,16 +139,18 @@ class _Run:
     def _pass(self, tell: Callable[[int], None]) -> None:
         writer: WriteBehind[Callable[[], None]] = WriteBehind(lambda write: write(), _AHEAD)
         to_skip = self._progress.done
-        try:
-            with contextlib.closing(read_ahead(self._stream, _AHEAD)) as entries:
-                for number, entry in enumerate(entries):
-                    if number >= to_skip:
-                        self._process(entry, writer)
-                    tell(self._progress.disparities + self._progress.dropped.total())
-        finally:
-            # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
-            writer.close()
-            self._bag.commit(self._written, now=True)
+        with deferred_interrupts() as raise_if_interrupted:
+            try:
+                with contextlib.closing(read_ahead(self._stream, _AHEAD)) as entries:
+                    for number, entry in enumerate(entries):
+                        if number >= to_skip:
+                            self._process(entry, writer)
+                        tell(self._progress.disparities + self._progress.dropped.total())
+                        raise_if_interrupted()
+            finally:
+                # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
+                writer.close()
+                self._bag.commit(self._written, now=True)
 
     def _process(self, entry: RecordedPair | RecordedMessage, writer: WriteBehind[Callable[[], None]]) -> None:
         if isinstance(entry, RecordedMessage):

@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
     except ValueError as error:
         print(f'process_bag: {error}', file=sys.stderr)
     except ImportError as error:
-        print(f'process_bag: {error}: install svdm_ros with the extra bags, for several recordings also dask',
+        print(f'process_bag: {error}: install svdm_ros with the extra bags, for --scheduler with cluster',
               file=sys.stderr)
     except KeyboardInterrupt:
         print('process_bag: interrupted; what is done is kept, the same command goes on from there', file=sys.stderr)
@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--jobs', type=count, metavar='N',
                         help='recordings at a time, each with its share of the processors (1; with --scheduler one a '
                              'worker)')
-    parser.add_argument('--scheduler', metavar='ADDRESS', help='a Dask cluster to run on, tcp://host:port')
+    parser.add_argument('--scheduler', metavar='ADDRESS', help='a Dask cluster to run on, tls://host:port or tcp://host:port')
     parser.add_argument('--force', action='store_true', help='replace bags that exist, and begin partial ones anew')
     return parser
 

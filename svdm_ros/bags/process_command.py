@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import glob
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,12 @@ from svdm_core.runtime import configure
 
 from ..parameter_set import NodeParameters, Value, node_parameter_table
 from .calibration_files import read_calibration
-from .process import Job, process
+from .local_workers import process_locally
+from .outcome import Outcome
+from .output_place import check_apart
+from .partial_folder import remove_marks
+from .process import Job, Tell, process
+from .user_files import SETTINGS, read_yaml
 
 _SUFFIXES = ('.zstd', '.mcap', '.db3', '.bag')
 _NODE_ONLY = ('use_sim_time', 'qos_overrides')
@@ -36,9 +41,13 @@ def run(options: argparse.Namespace) -> int:
         inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
         duration_s=options.duration, copy_inputs=options.copy_inputs, depth=options.depth, preview=options.preview,
         calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
-    if len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler:
-        return _run_one(template)
-    return _run_many(_jobs(template, inputs), options)
+    is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
+    jobs = [template] if is_one else _jobs(template, inputs)
+    read = [*inputs, *(options.calib or ()), Path(options.params or options.preset)]
+    for job in jobs:
+        if job.force:
+            check_apart(job.output, read)
+    return _run_one(template) if is_one else _run_many(jobs, options)
 
 
 def _run_one(job: Job) -> int:
@@ -51,18 +60,17 @@ def _run_one(job: Job) -> int:
 
 
 def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
-    from . import many  # needs dask
-
     waiting = [job for job in jobs if job.force or not job.output.exists()]
     for job in jobs:
         if job not in waiting:
+            remove_marks(job.output)
             print(f'{job.output}: is there already, skipped')
     if not waiting:
         return 0
     options.output.mkdir(exist_ok=True)
     outcomes = []
-    with progress() as bars, many.cluster(options.scheduler, options.jobs or 1, len(waiting)) as client:
-        for outcome in many.process_all(client, waiting, options.jobs if options.scheduler else None, bars.teller):
+    with progress() as bars, contextlib.closing(_outcomes(waiting, options, bars.teller)) as found:
+        for outcome in found:
             bars.print('\n'.join(outcome.lines))
             outcomes.append(outcome)
     for outcome in outcomes:
@@ -71,6 +79,18 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
     if len(waiting) == len(jobs) and not any(outcome.lines for outcome in outcomes):
         return 2
     return 1 if any(outcome.exit_code for outcome in outcomes) else 0
+
+
+def _outcomes(
+    jobs: Sequence[Job], options: argparse.Namespace, teller: Callable[[str], Tell]
+) -> Generator[Outcome, None, None]:
+    if not options.scheduler:
+        yield from process_locally(jobs, options.jobs or 1, teller)
+        return
+    from . import many  # needs dask
+
+    with many.cluster(options.scheduler) as client:
+        yield from many.process_all(client, jobs, options.jobs, teller)
 
 
 def _inputs(given: Sequence[str]) -> list[Path]:
@@ -111,7 +131,7 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
     """Of a preset or parameter file of the node, and --set. ValueError names parameter, value and what is allowed."""
     table = {info.name: info for info in node_parameter_table()}
     values: dict[str, Value] = {}
-    for name, value in preset_values(source).items():
+    for name, value in _values(source).items():
         if name.partition('.')[0] in _NODE_ONLY:
             continue
         _check_known(name, table)
@@ -123,6 +143,13 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
         _check_known(name, table)
         values[name] = table[name].parse(text)
     return NodeParameters().replace(values)
+
+
+def _values(source: str | Path) -> dict[str, Any]:
+    """Of a preset, or of a file, which is looked at before it is read as one."""
+    if Path(source).suffix in ('.yaml', '.yml') and Path(source).exists():
+        read_yaml(Path(source), SETTINGS)
+    return preset_values(source)
 
 
 def _check_known(name: str, table: Mapping[str, Any]) -> None:

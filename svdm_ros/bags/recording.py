@@ -5,6 +5,7 @@ import contextlib
 import dataclasses
 import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -15,6 +16,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, Qos
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
+
+from .metadata import check_metadata
+from .user_files import Limits, RefusedFileError, check_regular, cut
 
 _STORAGES = ('.mcap', '.db3')
 _SUFFIXES = (*_STORAGES, '.bag')
@@ -134,16 +138,20 @@ def _topics(reader: AnyReader) -> Iterator[Topic]:
 
 def _files(path: Path) -> list[Path]:
     """What rosbags is to open: the file, the folder, or the files of a folder that lost its metadata.yaml."""
-    if path.is_file():
+    if not path.is_dir():
+        check_regular(path, Limits(sys.maxsize))
         if _storage_suffix(path) not in _SUFFIXES:
             raise RecordingError(f'{path}: the suffix {path.suffix!r} is none of a recording: {", ".join(_SUFFIXES)}, '
                                  f'with {_PACKED} behind it or without, or the folder of a rosbag2')
         return [path]
-    if (path / 'metadata.yaml').is_file():
+    if (path / 'metadata.yaml').exists():
+        check_metadata(path / 'metadata.yaml')
         return [path]
     for storage in _STORAGES:
         files = sorted((file for file in path.iterdir() if _storage_suffix(file) == storage), key=_number)
         if files:
+            for file in files:
+                check_regular(file, Limits(sys.maxsize))
             return files
     raise RecordingError(f'{path}: no recording in this folder: neither metadata.yaml nor {" nor ".join(_STORAGES)}')
 
@@ -182,6 +190,8 @@ def _told(path: Path) -> Iterator[None]:
         yield
     except RecordingError:
         raise
+    except RefusedFileError as error:
+        raise RecordingError(str(error)) from None
     except PermissionError:
         raise RecordingError(f'{path}: no permission to read it') from None
     except Exception as error:  # parsers fed with damaged bytes raise anything, TypeError and struct.error included
@@ -191,14 +201,15 @@ def _told(path: Path) -> Iterator[None]:
 def _explained(error: Exception) -> str:
     """What is wrong, and what to do about it."""
     text = ' '.join(str(error).split()).rstrip('.') or type(error).__name__
+    shown = cut(text)
     if 'end magic' in text or 'Truncated' in text or 'footer' in text or 'seems to be empty' in text:
-        return f'the file is cut off ({text}): mend it with `mcap recover`, or copy it anew'
+        return f'the file is cut off ({shown}): mend it with `mcap recover`, or copy it anew'
     if 'not in timestamp order' in text:
-        return f'{text}: `mcap recover` or `ros2 bag convert` writes an indexed one'
+        return f'{shown}: `mcap recover` or `ros2 bag convert` writes an indexed one'
     if 'not indexed' in text:
         return 'the ROS 1 bag was not closed: mend it with `rosbag reindex`'
     if 'files are missing' in text:
-        return f'{text}: metadata.yaml names them; copy them too, or remove metadata.yaml'
+        return f'{shown}: metadata.yaml names them; copy them too, or remove metadata.yaml'
     if 'not supported' in text:
-        return text
-    return f'damaged or no recording ({text})'
+        return shown
+    return f'damaged or no recording ({shown})'

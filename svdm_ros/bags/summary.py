@@ -11,8 +11,8 @@ import numpy as np
 
 from .outputs import pixels_of
 from .pair_stream import PairingCounts
+from .user_files import shown
 
-SUMMARY_FILE = 'summary.json'
 BAD_PX = 3.0
 
 
@@ -35,9 +35,12 @@ class Progress:
 
     @classmethod
     def of(cls, state: dict[str, Any]) -> Progress:
-        """From `as_dict`, {} included."""
-        progress = cls(**state)
-        progress.dropped, progress.notes = Counter(progress.dropped), Counter(progress.notes)
+        """From `as_dict`, {} included. Raises ValueError where it is of another shape."""
+        progress = cls()
+        for name, value in state.items():
+            if name not in progress.as_dict() or not _is_alike(getattr(progress, name), value):
+                raise ValueError(f'{shown(name)} is {shown(value)}, which no run counts')
+            setattr(progress, name, type(getattr(progress, name))(value))
         return progress
 
     def as_dict(self) -> dict[str, Any]:
@@ -60,6 +63,15 @@ class Progress:
         self.error_sum += float(error.sum(dtype=np.float64))
         self.bad_pixels += int((error > BAD_PX).sum())
         self.judged_pixels += int(known.sum())
+
+
+def _is_alike(kept: Any, value: Any) -> bool:
+    """Whether `value` comes from a field that is now `kept`, by way of JSON."""
+    if isinstance(kept, Counter):
+        return isinstance(value, dict) and all(isinstance(count, int) and count >= 0 for count in value.values())
+    if isinstance(kept, dict):
+        return isinstance(value, dict) and all(isinstance(line, str) for line in value.values())
+    return isinstance(value, (int, type(kept))) and not isinstance(value, bool) and value >= 0
 
 
 def _plain(value: Any) -> Any:
