@@ -4,7 +4,6 @@ import os
 import queue
 import random
 import signal
-import sys
 import threading
 import time
 from collections import Counter
@@ -13,6 +12,8 @@ import processed_bag
 import pytest
 from recordings import LEFT_INFO, RIGHT_INFO, contents, stereo, write
 from scenes import two_walls
+
+from svdm_ros.bags.process_bag import main
 
 KILLS = 10
 PAIRS = 60

@@ -15,6 +15,8 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import FrameType
 
+from svdm_core.runtime import configure
+
 from .outcome import Outcome, outcome_of
 from .process import Job, Tell
 
@@ -138,6 +140,7 @@ def _serve(connection: Connection[Outcome | tuple[int, int], Job], threads: int)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to every process of a terminal; the parent decides
     signal.signal(signal.SIGTERM, _interrupt)
+    configure()
     with contextlib.suppress(EOFError, KeyboardInterrupt):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _END_SIGNALS)
         while True:
