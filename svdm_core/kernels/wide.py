@@ -318,7 +318,8 @@ def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
         for k in range(a.pieces - 1, -1, -1):
             mask = builder.bitcast(builder.icmp_unsigned('==', pieces[k], wanted), ir.IntType(a.piece))
             lane = builder.cttz(mask, ir.Constant(ir.IntType(1), 0))
-            lane = builder.trunc(lane, ir.IntType(32)) if a.piece > 32 else lane
+            if a.piece != 32:
+                lane = (builder.trunc if a.piece > 32 else builder.zext)(lane, ir.IntType(32))
             here = builder.add(lane, ir.Constant(ir.IntType(32), k * a.piece))
             none = builder.icmp_unsigned('==', mask, ir.Constant(mask.type, 0))
             first = builder.select(none, first, here)
@@ -353,7 +354,7 @@ def differing_bits(_: Any, own: Any, nibbles: Any) -> Any:
     """How many of four bits of each lane differ from those of the number `own`; both uint8 below 16."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         pieces = _split(builder, arguments[1], nibbles)
-        if 'avx2' in _processor(context):
+        if nibbles.piece >= 32 and 'avx2' in _processor(context):
             table = _nibble_table(builder, arguments[0])
             found = [_look_up(builder, table, piece) for piece in pieces]
         else:
