@@ -56,7 +56,7 @@ class ExactRoute:
         with clock.stage('disparity_optimization'):
             left, right, vertex = winners_of(self._best, self._trees.pixel, (height, width),
                                              parameters.num_disparities, self._per_slot)
-        return Winners(left, right, 1, vertex if parameters.subpixel else vertex[:0, :0])
+        return Winners(left, right, 1, vertex if parameters.subpixel else np.zeros((0, 0), np.float32))
 
 
 def _slots(nodes: int, num_disparities: int, threads: int) -> int:

@@ -3,18 +3,19 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
+from .disparity_optimization.winners import Winners
 from .disparity_refinement.refinement import Refinement
 from .exact_route import ExactRoute
 from .kernels.arrays import Bool, Float32, Image
 from .kernels.stripes import block_count
 from .matching_cost.intensity_range import IntensityRange
 from .matching_cost.preparation import PairImages, fill_levels, images_of
-from .disparity_optimization.winners import Winners
-from .parameters import MatcherParameters
+from .parameters import STAGES, MatcherParameters, parameter_table
 from .phases import Crew, Phase, StageClock
 from .stripe_route import StripeRoute
 
@@ -40,6 +41,35 @@ class DisparityResult:
     timings: dict[str, float]
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class MatchedPair:
+    """What `StereoMatcher.match` gives back and `StereoMatcher.refine` takes: a pair after stages 1 to 3.
+
+    parameters: those it was matched with. images, winners: what stage 4 reads; shape: of the images. seconds: stage
+    name -> the time it took.
+    """
+
+    parameters: MatcherParameters
+    images: PairImages
+    winners: Winners
+    shape: tuple[int, ...]
+    seconds: Mapping[str, float]
+
+    def outdated_by(self, parameters: MatcherParameters) -> list[str]:
+        """The parameters of stages 1 to 3 that have other values there: with any, the pair must be matched anew."""
+        early = (info.name for info in parameter_table() if info.stage != STAGES[-1])
+        return [name for name in early if getattr(self.parameters, name) != getattr(parameters, name)]
+
+    def copy(self) -> MatchedPair:
+        """The same with arrays of its own, without what stage 4 does not read."""
+        images, winners = self.images, self.winners
+        nothing = images.right[:0]
+        images = images._replace(left=images.left.copy(), levels=images.levels.copy(), right=nothing,
+                                 left_grey=nothing[..., 0], right_grey=nothing[..., 0])
+        winners = winners._replace(left=winners.left.copy(), right=winners.right.copy(), vertex=winners.vertex.copy())
+        return dataclasses.replace(self, images=images, winners=winners)
+
+
 class StereoMatcher:
     """Dense disparity of a rectified pair, the left image as reference: d = x_left - x_right.
 
@@ -56,7 +86,7 @@ class StereoMatcher:
         self.threads = threads
         self._crew = Crew()
         self._images: PairImages | None = None
-        self._kept: dict[type, tuple[tuple[object, ...], Any]] = {}
+        self._kept: dict[Any, tuple[tuple[object, ...], Any]] = {}
 
     def compute(self, left: Image, right: Image) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
@@ -65,7 +95,25 @@ class StereoMatcher:
         """
         left, right = _checked(left, right)
         with _KERNELS:
-            return self._compute(left, right, self.parameters)
+            return self._refined(self._matched(left, right))
+
+    def match(self, left: Image, right: Image) -> MatchedPair:
+        """Stages 1 to 3 of a pair, as `compute` takes it; the arrays are the caller's own, for as long as wanted."""
+        left, right = _checked(left, right)
+        with _KERNELS:
+            return self._matched(left, right).copy()
+
+    def refine(self, matched: MatchedPair) -> DisparityResult:
+        """Stage 4, under the parameters that the matcher has now; `compute` is `refine(match(left, right))`.
+
+        Raises ValueError where a parameter of an earlier stage is not what the pair was matched with.
+        """
+        for name in matched.outdated_by(self.parameters):
+            then, now = getattr(matched.parameters, name), getattr(self.parameters, name)
+            raise ValueError(f'{name} = {now!r} is not allowed: it must be {then!r}, with which the pair was matched; '
+                             'refining it changes parameters of stage 4 only')
+        with _KERNELS:
+            return self._refined(matched)
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
@@ -75,25 +123,31 @@ class StereoMatcher:
                 for depth in (np.uint8, np.uint16):
                     matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
 
-    def _compute(self, left: Image, right: Image, parameters: MatcherParameters) -> DisparityResult:
-        clock = StageClock()
-        images = self._prepare(left, right, clock)
-        winners = self._match(images, parameters, clock)
-        refinement = self._keep(Refinement, Refinement.layout(left.shape, parameters), left.shape, parameters)
-        disparity, valid = refinement.run(winners, images, parameters, self._crew, clock)
+    def _matched(self, left: Image, right: Image) -> MatchedPair:
+        """Its arrays are the matcher's own and the images: valid until the next pair."""
+        clock, parameters = StageClock(), self.parameters
+        self._crew.gather(self.threads)
+        images = self._prepare(left, right, parameters, clock)
+        winners = self._winners(images, parameters, clock)
+        return MatchedPair(parameters, images, winners, left.shape, clock.seconds)
+
+    def _refined(self, matched: MatchedPair) -> DisparityResult:
+        clock, parameters = StageClock(matched.seconds), self.parameters
+        self._crew.gather(self.threads)
+        refinement = self._keep(Refinement, Refinement.layout(matched.shape, parameters), matched.shape, parameters)
+        disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
         return DisparityResult(disparity, valid, clock.milliseconds())
 
-    def _prepare(self, left: Image, right: Image, clock: StageClock) -> PairImages:
+    def _prepare(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> PairImages:
         """Grey levels of 8 bits, which do not depend on the depth of the images."""
-        self._crew.gather(self.threads)
         with clock.stage('matching_cost'):
-            own = self.parameters.intensity_range == 'pair'
+            own = parameters.intensity_range == 'pair'
             found = IntensityRange.of(left, right) if own else IntensityRange.full(left.dtype)
             self._images = images = images_of(left, right, found, self._images)
         clock.work(self._crew, [Phase('matching_cost', 2 * block_count(left.shape[0]), fill_levels, (images,))])
         return images
 
-    def _match(self, images: PairImages, parameters: MatcherParameters, clock: StageClock) -> Winners:
+    def _winners(self, images: PairImages, parameters: MatcherParameters, clock: StageClock) -> Winners:
         """Stages 1 to 3: with the exact tree where the paper's equations are asked for, else by stripes."""
         shape = images.left.shape
         if parameters.aggregation == 'tree' and parameters.p2 == 0:
@@ -104,20 +158,16 @@ class StereoMatcher:
         clock.work(self._crew, route.phases(images, parameters))
         return route.result()
 
-    def _keep(self, kind: type, layout: tuple[object, ...], *arguments: Any) -> Any:
+    def _keep[Kept](self, kind: Callable[..., Kept], layout: tuple[object, ...], *arguments: Any) -> Kept:
         """The last frame's buffers where they fit, else new ones."""
-        kept, value = self._kept.get(kind, (None, None))
-        if kept != layout:
+        if kind not in self._kept or self._kept[kind][0] != layout:
             self._kept.pop(kind, None)  # free the old ones before the new ones are made
-            value = None
-            value = kind(*arguments)
-            self._kept[kind] = layout, value
-        return value
+            self._kept[kind] = layout, kind(*arguments)
+        kept: Kept = self._kept[kind][1]
+        return kept
 
 
-def _checked(
-    left: Image, right: Image
-) -> tuple[Image, Image]:
+def _checked(left: Image, right: Image) -> tuple[Image, Image]:
     for name, image in (('left', left), ('right', right)):
         if not isinstance(image, np.ndarray):
             raise ValueError(f'{name} image: {type(image).__name__} is not allowed: it must be a numpy array')

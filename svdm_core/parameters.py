@@ -8,8 +8,13 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, cast
+
+from .cost_aggregation import AGGREGATIONS
+
+STAGES = ('matching_cost', 'cost_aggregation', 'disparity_optimization', 'disparity_refinement')
+"""The four stages in their order, each a package."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -17,7 +22,8 @@ class ParameterInfo:
     """What is known of one parameter.
 
     `minimum` and `maximum` are inclusive and None where the type has no range; `step` is the
-    distance between allowed values (0: any); `choices` lists the allowed strings.
+    distance between allowed values (0: any); `choices` lists the allowed strings. `stage`: which of STAGES reads it
+    first, empty for a parameter of the node.
     """
 
     name: str
@@ -28,6 +34,7 @@ class ParameterInfo:
     maximum: int | float | None = None
     step: int = 0
     choices: tuple[str, ...] = ()
+    stage: str = ''
 
     @property
     def type(self) -> type:
@@ -108,68 +115,79 @@ class MatcherParameters:
     """
 
     min_disparity: int = _parameter(
-        0, 'smallest disparity searched; below 0 for verged cameras', unit='px', minimum=-1024, maximum=1024)
+        0, 'smallest disparity searched; below 0 for verged cameras', unit='px', minimum=-1024, maximum=1024,
+        stage='matching_cost')
     num_disparities: int = _parameter(
-        64, 'number of disparities searched, from min_disparity up', unit='px', minimum=1, maximum=1024)
+        64, 'number of disparities searched, from min_disparity up', unit='px', minimum=1, maximum=1024,
+        stage='matching_cost')
     intensity_range: str = _parameter(
         'pair', 'what intensities on 0..1 and grey levels refer to: the range that the pair itself uses, or the full '
-        'range of its data type (the paper)', choices=('pair', 'full'))
+        'range of its data type (the paper)', choices=('pair', 'full'), stage='matching_cost')
     gradient: str = _parameter(
         'horizontal', "gradient compared: signed x difference, halved, or the paper's magnitude (eq 5)",
-        choices=('horizontal', 'magnitude'))
+        choices=('horizontal', 'magnitude'), stage='matching_cost')
     alpha: float = _parameter(
-        10.7, 'weight of the gradient term against the absolute difference (eq 8)', minimum=0.0, maximum=1000.0)
+        10.7, 'weight of the gradient term against the absolute difference (eq 8)', minimum=0.0, maximum=1000.0,
+        stage='matching_cost')
     tau_ad: float = _parameter(
-        0.04, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0)
+        0.04, 'truncation of the absolute difference (eq 2), intensities on 0..1', minimum=0.0, maximum=1.0,
+        stage='matching_cost')
     tau_gm: float = _parameter(
-        2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0)
+        2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0,
+        stage='matching_cost')
     census_weight: float = _parameter(
         0.5, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
-        minimum=0.0, maximum=1000.0)
+        minimum=0.0, maximum=1000.0, stage='matching_cost')
     aggregation: str = _parameter(
-        'tree', 'support of a pixel: all others along a minimum spanning tree (the paper), or the 3x3 box around it',
-        choices=('tree', 'box'))
+        'tree', 'support of a pixel: ', registry=AGGREGATIONS, stage='cost_aggregation')
     sigma_tree: float = _parameter(
-        0.015, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0)
+        0.015, 'reach of the support along the tree, edge weights on 0..1', minimum=0.001, maximum=10.0,
+        stage='cost_aggregation')
     d_y: int = _parameter(
-        255, 'tree edges heavier than this are cut (eq 10); 255 cuts none', unit='grey levels', minimum=0, maximum=255)
+        255, 'tree edges heavier than this are cut (eq 10); 255 cuts none', unit='grey levels', minimum=0, maximum=255,
+        stage='cost_aggregation')
     guide_blur: int = _parameter(
         1, 'aperture of the median that smooths the image the tree is built on; 1 is off', unit='px',
-        minimum=1, maximum=5, step=2)
+        minimum=1, maximum=5, step=2, stage='cost_aggregation')
     subpixel: bool = _parameter(
-        True, 'refine the winning disparity by the symmetric V through the costs of its neighbours')
+        True, 'refine the winning disparity by the symmetric V through the costs of its neighbours',
+        stage='disparity_optimization')
     p1: float = _parameter(
         0.07, 'semi-global penalty of a disparity step of 1 px between neighbours, in units of the matching cost',
-        minimum=0.0, maximum=1000.0)
+        minimum=0.0, maximum=1000.0, stage='disparity_optimization')
     p2: float = _parameter(
         0.9, 'the same for larger steps; 0 switches semi-global optimisation off (the paper)',
-        minimum=0.0, maximum=1000.0)
+        minimum=0.0, maximum=1000.0, stage='disparity_optimization')
     p2_edge: float = _parameter(
         20.0, 'step of the image over which p2 is halved, p2 / (1 + step / p2_edge); 0 leaves p2 as it is',
-        unit='grey levels', minimum=0.0, maximum=1000.0)
+        unit='grey levels', minimum=0.0, maximum=1000.0, stage='disparity_optimization')
     paths: int = _parameter(
         4, 'semi-global paths: from the left, the right and above, and the fourth from below, which needs a volume',
-        minimum=3, maximum=4)
+        minimum=3, maximum=4, stage='disparity_optimization')
     right_rows: int = _parameter(
         2, 'the left-right check matches every n-th row of the right view; 1 is all rows', unit='rows',
-        minimum=1, maximum=4)
+        minimum=1, maximum=4, stage='disparity_optimization')
     tau_lr: float = _parameter(
-        1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0)
+        1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0,
+        stage='disparity_refinement')
     median_scope: str = _parameter(
         'filled', 'pixels the weighted median replaces: those that failed the left-right check, or all (the paper)',
-        choices=('filled', 'all'))
+        choices=('filled', 'all'), stage='disparity_refinement')
     median_guide: str = _parameter(
         'image', 'what sigma_c compares (eq 17): the left image, or the disparity over num_disparities',
-        choices=('image', 'disparity'))
+        choices=('image', 'disparity'), stage='disparity_refinement')
     w_p: int = _parameter(
-        21, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2)
+        21, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2,
+        stage='disparity_refinement')
     sigma_s: float = _parameter(
-        14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0)
+        14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0,
+        stage='disparity_refinement')
     sigma_c: float = _parameter(
-        0.1, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0)
+        0.1, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0,
+        stage='disparity_refinement')
     final_median: int = _parameter(
         5, 'side of the plain median over the finished map, with its sub-pixel parts; 1 is off', unit='px',
-        minimum=1, maximum=5, step=2)
+        minimum=1, maximum=5, step=2, stage='disparity_refinement')
 
     def __post_init__(self) -> None:
         for info in parameter_table():
@@ -191,24 +209,29 @@ class MatcherParameters:
         return dataclasses.asdict(self)
 
 
-def _table() -> Iterator[ParameterInfo]:
-    for field in dataclasses.fields(MatcherParameters):
-        yield ParameterInfo(name=field.name, default=cast(Any, field.default), **field.metadata)
+def _info(field: dataclasses.Field[Any]) -> ParameterInfo:
+    """The entry of a field; the choices of one with a registry are what is registered now."""
+    metadata = dict(field.metadata)
+    registry = metadata.pop('registry', None)
+    if registry is not None:
+        metadata['choices'] = tuple(registry)
+        metadata['meaning'] += ', or '.join(entry.meaning for entry in registry.values())
+    return ParameterInfo(name=field.name, default=cast(Any, field.default), **metadata)
 
 
-_TABLE = tuple(_table())
-_BY_NAME = {info.name: info for info in _TABLE}
+_FIELDS = {field.name: field for field in dataclasses.fields(MatcherParameters)}
+_FIXED = {name: _info(field) for name, field in _FIELDS.items() if 'registry' not in field.metadata}
 
 
 def parameter_table() -> tuple[ParameterInfo, ...]:
     """All parameters in the order of the stages."""
-    return _TABLE
+    return tuple(_FIXED.get(name) or _info(field) for name, field in _FIELDS.items())
 
 
 def parameter_info(name: str) -> ParameterInfo:
     """The entry of one parameter; ValueError with the nearest names where there is none."""
-    if name in _BY_NAME:
-        return _BY_NAME[name]
-    near = difflib.get_close_matches(name, _BY_NAME, n=1)
-    hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(_BY_NAME)
+    if name in _FIELDS:
+        return _FIXED.get(name) or _info(_FIELDS[name])
+    near = difflib.get_close_matches(name, _FIELDS, n=1)
+    hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(_FIELDS)
     raise ValueError(f'unknown parameter {name!r}: {hint}')

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numba
@@ -60,16 +60,16 @@ class Crew:
 
 
 class StageClock:
-    """Adds up the time spent in each stage."""
+    """Adds up the seconds spent in each stage, on top of those of earlier stages."""
 
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
+    def __init__(self, earlier: Mapping[str, float] | None = None) -> None:
+        self.seconds = dict(earlier or {})
 
     @contextlib.contextmanager
     def stage(self, name: str) -> Iterator[None]:
         start = time.perf_counter()
         yield
-        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
     def work(self, crew: Crew, phases: Iterable[Phase]) -> None:
         """Do the phases one after the other."""
@@ -79,5 +79,5 @@ class StageClock:
 
     def milliseconds(self) -> dict[str, float]:
         """Stage -> milliseconds, and their sum 'total'."""
-        stages = {name: 1e3 * seconds for name, seconds in self._seconds.items()}
+        stages = {name: 1e3 * seconds for name, seconds in self.seconds.items()}
         return {**stages, 'total': sum(stages.values())}

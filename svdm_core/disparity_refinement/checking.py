@@ -78,3 +78,24 @@ def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
         for k in range(x, end):
             filled[k] = value if value >= 0 else disparity[k]
         x = end
+
+
+def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
+    """Eq 16: a copy of int16 (H, W) in which invalid pixels get the smaller of the nearest valid values on their row.
+
+    valid: bool (H, W). A row without a valid pixel stays as it is. Raises ValueError where a valid value is below 0.
+    """
+    if disparity.shape != valid.shape or disparity.dtype != np.int16:
+        raise ValueError(f'disparity {disparity.shape} {disparity.dtype} and valid {valid.shape} are not allowed: '
+                         'they must have the same shape, and disparity must be int16')
+    if (disparity[valid] < 0).any():
+        raise ValueError('a valid value below 0 is not allowed: values count from min_disparity up')
+    filled = np.empty(disparity.shape, np.int16)
+    _fill_map(np.ascontiguousarray(disparity), np.ascontiguousarray(valid), filled)
+    return filled
+
+
+@kernel
+def _fill_map(disparity: Int16, valid: Bool, filled: Int16) -> None:
+    for y in range(disparity.shape[0]):
+        _fill_row(disparity[y], valid[y], filled[y])

@@ -4,7 +4,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..disparity_refinement.filling import fill_along_scanlines
+from ..disparity_refinement.checking import fill_along_scanlines
 from ..kernels.arrays import Bool, Float32, Image
 
 OPENCV_METHODS = ('bm', 'sgbm-3way', 'sgbm-hh4', 'sgbm-hh')
@@ -57,7 +57,7 @@ class OpenCVMatcher:
         margin = self.num_disparities
         padded = (cv2.copyMakeBorder(image, 0, 0, margin, 0, cv2.BORDER_REPLICATE) for image in (left, right))
         disparity = self.compute(*padded)[:, margin:]
-        steps = np.rint(disparity * _FRACTION).astype(np.int32)
+        steps = np.rint(disparity * _FRACTION).astype(np.int16)
         answered = disparity >= 0
         dense = np.maximum(fill_along_scanlines(steps, answered), 0).astype(np.float32) / np.float32(_FRACTION)
         return dense, answered

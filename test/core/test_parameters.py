@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from svdm_core import MatcherParameters, parameter_info, parameter_table
+from svdm_core.parameters import STAGES
 
 RANGED = [info for info in parameter_table() if info.minimum is not None]
 
@@ -16,7 +17,16 @@ def test_every_field_has_an_entry_with_meaning_and_range_or_choices():
     for info in parameter_table():
         assert info.meaning and info.allowed
         assert info.type is bool or info.choices or info.minimum < info.maximum
+        assert info.stage in STAGES
         assert info.check(info.default) == info.default
+
+
+def test_the_table_is_in_the_order_of_the_stages():
+    """Stage 4 reads the left-right check's threshold and what comes behind it: nothing else may be refined anew."""
+    stages = [info.stage for info in parameter_table()]
+    assert stages == sorted(stages, key=STAGES.index)
+    assert [info.name for info in parameter_table() if info.stage == STAGES[-1]] == [
+        'tau_lr', 'median_scope', 'median_guide', 'w_p', 'sigma_s', 'sigma_c', 'final_median']
 
 
 @pytest.mark.parametrize('info', RANGED, ids=lambda info: info.name)

@@ -9,7 +9,7 @@ from svdm_core.evaluation.paper import PAPER_STUDY
 from svdm_core.evaluation.streaks import streak_share
 from svdm_core.tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
 from svdm_core.tuning.ranges import parse_range
-from svdm_core.tuning.stage_reuse import STAGE_4, StageReuse
+from svdm_core.tuning.stage_reuse import StageReuse
 from svdm_core.tuning.store import FigureStore
 
 
@@ -19,18 +19,13 @@ def scenes(tmp_path_factory):
     return [read_middlebury_scene(path) for path in middlebury_scenes(folder)]
 
 
-def test_stage_4_is_what_the_table_says():
-    assert {'tau_lr', 'median_scope', 'median_guide', 'w_p', 'sigma_s', 'sigma_c'} <= STAGE_4
-    assert not {'alpha', 'sigma_tree', 'd_y', 'subpixel', 'p1', 'p2', 'paths', 'num_disparities'} & STAGE_4
-
-
 @pytest.mark.parametrize('preset', ['default', 'fast', 'paper'])
 def test_kept_stages_give_what_matching_anew_gives(preset, scenes, monkeypatch):
     reuse, matched = StageReuse(threads=1), []
-    compute = StereoMatcher.compute
-    monkeypatch.setattr(StereoMatcher, 'compute', lambda *arguments: matched.append(1) or compute(*arguments))
+    compute, match = StereoMatcher.compute, StereoMatcher.match
+    monkeypatch.setattr(StereoMatcher, 'match', lambda *arguments: matched.append(1) or match(*arguments))
     base = load_preset(preset).replace(num_disparities=16)
-    changes = [{}, {'w_p': 5}, {'sigma_s': 2.0, 'tau_lr': 0.0}, {'median_scope': 'all'}, {'sigma_c': 0.5},
+    changes = [{}, {'w_p': 5}, {'final_median': 1}, {'sigma_s': 2.0, 'tau_lr': 0.0}, {'median_scope': 'all'}, {'sigma_c': 0.5},
                {'median_guide': 'disparity', 'median_scope': 'all'}]
     for change in changes:
         for scene in scenes[:2]:
