@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,12 +49,16 @@ class StereoMatcher:
     stream of images, and from one thread at a time.
     """
 
-    def __init__(self, parameters: MatcherParameters | None = None, threads: int = 0) -> None:
-        """Raises ValueError when `threads` is negative."""
+    def __init__(
+        self, parameters: MatcherParameters | None = None, threads: int = 0,
+        clock: Callable[[], StageClock] = StageClock,
+    ) -> None:
+        """clock: makes the one of each frame. Raises ValueError when `threads` is negative."""
         if not isinstance(threads, int) or threads < 0:
             raise ValueError(f'threads = {threads!r} is not allowed: it must be an integer, 0 (all cores) or more')
         self.parameters = parameters or MatcherParameters()
         self.threads = threads
+        self._new_clock = clock
         self._crew = Crew()
         self._images: PairImages | None = None
         self._kept: dict[type, tuple[tuple[object, ...], Any]] = {}
@@ -76,7 +81,7 @@ class StereoMatcher:
                     matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
 
     def _compute(self, left: Image, right: Image, parameters: MatcherParameters) -> DisparityResult:
-        clock = StageClock()
+        clock = self._new_clock()
         images = self._prepare(left, right, clock)
         winners = self._match(images, parameters, clock)
         refinement = self._keep(Refinement, Refinement.layout(left.shape, parameters), left.shape, parameters)
