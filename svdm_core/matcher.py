@@ -78,12 +78,16 @@ class StereoMatcher:
     stream of images, and from one thread at a time.
     """
 
-    def __init__(self, parameters: MatcherParameters | None = None, threads: int = 0) -> None:
-        """Raises ValueError when `threads` is negative."""
+    def __init__(
+        self, parameters: MatcherParameters | None = None, threads: int = 0,
+        clock: Callable[[], StageClock] = StageClock,
+    ) -> None:
+        """clock: makes the one of each frame. Raises ValueError when `threads` is negative."""
         if not isinstance(threads, int) or threads < 0:
             raise ValueError(f'threads = {threads!r} is not allowed: it must be an integer, 0 (all cores) or more')
         self.parameters = parameters or MatcherParameters()
         self.threads = threads
+        self._new_clock = clock
         self._crew = Crew()
         self._images: PairImages | None = None
         self._kept: dict[Any, tuple[tuple[object, ...], Any]] = {}
@@ -95,13 +99,14 @@ class StereoMatcher:
         """
         left, right = _checked(left, right)
         with _KERNELS:
-            return self._refined(self._matched(left, right))
+            clock, parameters = self._new_clock(), self.parameters
+            return self._refined(self._matched(left, right, parameters, clock), parameters, clock)
 
     def match(self, left: Image, right: Image) -> MatchedPair:
         """Stages 1 to 3 of a pair, as `compute` takes it; the arrays are the caller's own, for as long as wanted."""
         left, right = _checked(left, right)
         with _KERNELS:
-            return self._matched(left, right).copy()
+            return self._matched(left, right, self.parameters, self._new_clock()).copy()
 
     def refine(self, matched: MatchedPair) -> DisparityResult:
         """Stage 4, under the parameters that the matcher has now; `compute` is `refine(match(left, right))`.
@@ -113,7 +118,7 @@ class StereoMatcher:
             raise ValueError(f'{name} = {now!r} is not allowed: it must be {then!r}, with which the pair was matched; '
                              'refining it changes parameters of stage 4 only')
         with _KERNELS:
-            return self._refined(matched)
+            return self._refined(matched, self.parameters, StageClock(matched.seconds))
 
     def warm_up(self) -> None:
         """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
@@ -123,16 +128,14 @@ class StereoMatcher:
                 for depth in (np.uint8, np.uint16):
                     matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
 
-    def _matched(self, left: Image, right: Image) -> MatchedPair:
+    def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""
-        clock, parameters = StageClock(), self.parameters
         self._crew.gather(self.threads)
         images = self._prepare(left, right, parameters, clock)
         winners = self._winners(images, parameters, clock)
         return MatchedPair(parameters, images, winners, left.shape, clock.seconds)
 
-    def _refined(self, matched: MatchedPair) -> DisparityResult:
-        clock, parameters = StageClock(matched.seconds), self.parameters
+    def _refined(self, matched: MatchedPair, parameters: MatcherParameters, clock: StageClock) -> DisparityResult:
         self._crew.gather(self.threads)
         refinement = self._keep(Refinement, Refinement.layout(matched.shape, parameters), matched.shape, parameters)
         disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)

@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from ..evaluation.opencv_matchers import OPENCV_METHODS
+from .contenders import is_own
 
-_WIDTH = 130  # characters, where the output is no terminal
+_WIDTH = 160  # characters, where the output is no terminal
 
 
 @contextlib.contextmanager
@@ -25,7 +25,7 @@ def progress(rounds: int, what: str = 'timing the contenders in turn') -> Iterat
 
 def print_table(document: Mapping[str, Any], console: Console | None = None) -> None:
     """One row a contender: time, ratio to each of OpenCV's methods, accuracy, memory; several tables if too wide."""
-    console = console or _console()
+    console = console or output_console()
     width, height = document['size']
     kind = 'colour' if document['colour'] else 'grey'
     title = f'{width}x{height} {kind}, {document["disparities"]} disparities, {document["threads"]} threads'
@@ -49,11 +49,13 @@ def _columns(document: Mapping[str, Any]) -> list[list[str]]:
     contenders = document['contenders']
     values = list(contenders.values())
     columns = [['ms', *(f'{value["median_ms"]:.1f}' for value in values)]]
-    for other in OPENCV_METHODS:
+    for other in filter(lambda name: not is_own(name), contenders):
         columns.append([f'x {other}', *(f'{document["ratios"][name][other]:.2f}' for name in contenders)])
     if all('avgerr' in value for value in values):
         columns.append(['avgerr px', *(f'{value["avgerr"]:.2f}' for value in values)])
         columns.append(['bad2 %', *(f'{value["bad2"]:.1f}' for value in values)])
+    columns.append(['MDE/s a core', *(f'{value["mde_per_s_core"]:.0f}' for value in values)])
+    columns.append(['work', *(value['work'] for value in values)])
     columns.append(['extra MB', *(f'{value["extra_mb"]:.0f}' for value in values)])
     columns.append(['quartiles', *(f'{value["low_ms"]:.1f}-{value["high_ms"]:.1f}' for value in values)])
     columns.append(['MDE/s', *(f'{value["mde_per_s"]:.0f}' for value in values)])
@@ -81,13 +83,16 @@ def print_scaling(scaling: Mapping[str, Any]) -> None:
         for kind, key, exponent in (('pixels', 'size_ms', 'pixel_exponent'),
                                     ('disparities', 'disparities_ms', 'disparity_exponent')):
             times = ', '.join(f'{case} {ms:.0f} ms' for case, ms in value[key].items())
-            _console().print(f'{name}: time grows with {kind} to the power {value[exponent]:.2f} ({times})',
+            output_console().print(f'{name}: time grows with {kind} to the power {value[exponent]:.2f} ({times})',
                              soft_wrap=True)
 
 
 def check_picture(suffix: str) -> None:
     """Raises ValueError where matplotlib writes no such files, ImportError where it is not installed."""
-    from matplotlib.backend_bases import FigureCanvasBase
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase
+    except ImportError:
+        raise ImportError('matplotlib is not installed, which draws the picture: leave it out') from None
 
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if suffix.lower().removeprefix('.') not in known:
@@ -103,7 +108,7 @@ def draw(document: Mapping[str, Any], suffix: str) -> bytes:
 
     figure, ax = plt.subplots(figsize=(8, 5), layout='constrained')
     for name, value in document['contenders'].items():
-        own = name.startswith('svdm-')
+        own = is_own(name)
         spread = [[value['median_ms'] - value['low_ms']], [value['high_ms'] - value['median_ms']]]
         ax.errorbar(value['median_ms'], value['bad2'], xerr=spread, fmt='o' if own else 's',
                     color='tab:red' if own else 'tab:blue')
@@ -119,6 +124,7 @@ def draw(document: Mapping[str, Any], suffix: str) -> bytes:
     return picture.getvalue()
 
 
-def _console() -> Console:
+def output_console() -> Console:
+    """Where tables go: as wide as the terminal, or as a file can well be."""
     console = Console()
     return console if console.is_terminal else Console(width=_WIDTH)

@@ -15,16 +15,15 @@ import cv2
 import numpy as np
 
 from ..evaluation.metrics import error_metrics
-from ..evaluation.opencv_matchers import OPENCV_METHODS, OpenCVMatcher
+from ..evaluation.opencv_matchers import OpenCVMatcher
 from ..kernels.arrays import Float32, Image
 from ..matcher import StereoMatcher
-from ..presets import load_preset
 from ..runtime import configure
 from ..runtime.processors import processor_count, waited_seconds
+from .contenders import is_own, parameters_of, threads_used, work_of
 from .limits import check_limits, smallest_width
 
 ACCURACY = ('avgerr', 'bad1', 'bad2', 'bad4')
-_OWN = 'svdm-'
 _BUSY = 5.0
 """Percent of its time that a contender waits for a processor, from which the ratios are no longer to be trusted."""
 
@@ -66,11 +65,6 @@ class BenchmarkPair:
         return BenchmarkPair(left, right, self.ground_truth)
 
 
-def contender_names(presets: Sequence[str]) -> list[str]:
-    """The presets, then OpenCV's methods."""
-    return [*(f'{_OWN}{preset}' for preset in presets), *OPENCV_METHODS]
-
-
 def run_benchmark(
     pair: BenchmarkPair,
     names: Sequence[str],
@@ -82,8 +76,9 @@ def run_benchmark(
 ) -> dict[str, dict[str, Any]]:
     """Time all contenders in turn, `rounds` times after a warm-up; figures by name.
 
-    median_ms, low_ms and high_ms (quartiles), mde_per_s (million disparities evaluated a second), stages_ms (medians,
-    own matchers), extra_mb (peak memory above that of a tiny image, in a process of its own), and where there is
+    median_ms, low_ms and high_ms (quartiles), mde_per_s (million disparities evaluated a second: width x height x
+    num_disparities over the time), mde_per_s_core (the same by the threads that it can use), work (the paths and
+    matched views that an evaluated disparity stands for), stages_ms (medians, own matchers), extra_mb (peak memory above that of a tiny image, in a process of its own), and where there is
     ground truth avgerr, bad1, bad2, bad4 of the dense map (px of these images, %), over all known pixels.
     waited_percent: of their time that its threads waited for a processor, None where the system does not tell.
 
@@ -103,6 +98,7 @@ def run_benchmark(
         low, median, high = _quartiles(contender.milliseconds)
         figures[name] = {
             'median_ms': median, 'low_ms': low, 'high_ms': high, 'mde_per_s': 1e3 * work / median,
+            'mde_per_s_core': 1e3 * work / median / threads_used(name, threads), 'work': work_of(name),
             'stages_ms': contender.stages(rounds), **contender.accuracy(),
             'waited_percent': contender.waited_percent(threads),
             'extra_mb': extra_memory(name, pair, num_disparities, threads) if memory else None,
@@ -147,7 +143,7 @@ def growth(sizes: Sequence[float], milliseconds: Sequence[float]) -> float:
 
 def ratios(figures: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
     """Median time of each contender over that of each of OpenCV's methods."""
-    yardsticks = {name: value['median_ms'] for name, value in figures.items() if not name.startswith(_OWN)}
+    yardsticks = {name: value['median_ms'] for name, value in figures.items() if not is_own(name)}
     return {name: {other: value['median_ms'] / ms for other, ms in yardsticks.items()}
             for name, value in figures.items()}
 
@@ -162,9 +158,8 @@ class _Contender:
         self._timings: list[dict[str, float]] = []
         self.milliseconds: list[float] = []
         self._waited: list[float | None] = []
-        if name.startswith(_OWN):
-            preset = load_preset(name.removeprefix(_OWN)).replace(num_disparities=num_disparities)
-            self._own = StereoMatcher(preset, threads)
+        if is_own(name):
+            self._own = StereoMatcher(parameters_of(name).replace(num_disparities=num_disparities), threads)
         else:
             channels = 1 if pair.left.ndim == 2 else pair.left.shape[2]
             self._opencv = OpenCVMatcher(name, num_disparities, channels)

@@ -7,11 +7,24 @@ import math
 from collections.abc import Callable
 
 
+MOST_THREADS = 1024  # to think of; no machine need have them
+
+
 def count(text: str) -> int:
     """An integer from 1 up."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'{text!r} is not allowed: it must be an integer from 1 up')
     return int(text)
+
+
+def thread_counts(text: str) -> list[int]:
+    """Different integers from 1 to 1024 in rising order, from '1,2,4'."""
+    wanted = {part.strip() for part in text.split(',')}
+    for part in wanted:
+        if not (part.isdecimal() and len(part) <= 4 and 1 <= int(part) <= MOST_THREADS):
+            raise argparse.ArgumentTypeError(f'{part!r} is not allowed: it must be integers from 1 to {MOST_THREADS}, '
+                                             'separated by commas')
+    return sorted(map(int, wanted))
 
 
 def size(text: str) -> tuple[int, int]:
