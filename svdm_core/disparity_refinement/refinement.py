@@ -6,7 +6,7 @@ import numpy as np
 
 from ..disparity_optimization.winners import Winners
 from ..kernels.arrays import Bool, Float32, Uint8
-from ..kernels.stripes import BLOCK, block_count
+from ..kernels.stripes import block_count
 from ..matching_cost.planes import intensities
 from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
