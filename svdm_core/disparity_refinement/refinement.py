@@ -90,6 +90,20 @@ def in_bytes(parameters: MatcherParameters) -> bool:
             and parameters.num_disparities <= byte_median.MOST_DISPARITIES)
 
 
+def kernels_of(parameters: MatcherParameters) -> tuple[object, ...]:
+    """What the types of the kernels' arguments follow from."""
+    if in_bytes(parameters):
+        return ('bytes', byte_median.window_lanes(parameters.w_p))
+    return parameters.median_scope, parameters.median_guide
+
+
+def disparity_step(parameters: MatcherParameters) -> float:
+    """px, what the disparities that come out are multiples of; 0 where they can be any float32."""
+    if not parameters.subpixel or parameters.num_disparities == 1:
+        return 1.0
+    return 1 / byte_median.STEPS if in_bytes(parameters) else 0.0
+
+
 def scratch_size(shape: tuple[int, ...], parameters: MatcherParameters) -> int:
     """Bytes of scratch for each thread."""
     return max(byte_median.scratch_size(parameters.w_p), final_median.scratch_size(shape[1]))
