@@ -9,22 +9,22 @@ from typing import Any
 import numpy as np
 
 from .disparity_optimization.winners import Winners
-from .disparity_refinement.refinement import Refinement
+from .disparity_refinement.refinement import Refinement, disparity_step, kernels_of
 from .exact_route import ExactRoute
 from .kernels.arrays import Bool, Float32, Image
 from .kernels.stripes import block_count
+from .kernels.wide import lanes_for, width_of
 from .matching_cost.intensity_range import IntensityRange
 from .matching_cost.preparation import PairImages, fill_levels, images_of
 from .parameters import STAGES, MatcherParameters, parameter_table
 from .phases import Crew, Phase, StageClock
-from .stripe_route import StripeRoute
+from .stripe_route import StripeRoute, right_aggregation
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
 
-# Settings that between them run every kernel.
-_ALL_STAGES: tuple[dict[str, Any], ...] = (
-    {'p2': 0.0, 'median_scope': 'all'}, {}, {'aggregation': 'box', 'paths': 3}, {'aggregation': 'box', 'paths': 4})
+# Which kernels this process has run so far, see `_kernels_of`.
+_RUN: set[tuple[object, ...]] = set()
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -34,11 +34,13 @@ class DisparityResult:
     disparity: float32 (H, W), px, dense, each in min_disparity .. min_disparity + num_disparities - 1.
     valid: bool (H, W), True where the left-right check passed (eq 15).
     timings: stage name -> milliseconds, and their sum 'total'.
+    step: px, what disparities are multiples of; 0 where they can be any float32.
     """
 
     disparity: Float32
     valid: Bool
     timings: dict[str, float]
+    step: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -121,12 +123,22 @@ class StereoMatcher:
             return self._refined(matched, self.parameters, StageClock(matched.seconds))
 
     def warm_up(self) -> None:
-        """Compile all kernels, or load them from numba's cache, by matching small images. Seconds to a minute."""
-        for stages in _ALL_STAGES:
-            matcher = StereoMatcher(self.parameters.replace(**stages), self.threads)
-            for shape in ((4, 6), (4, 6, 3)):
-                for depth in (np.uint8, np.uint16):
-                    matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
+        """Compile what the present parameters need for images of any kind, or load it from numba's cache, by matching
+        small images. Seconds to a minute."""
+        matcher = StereoMatcher(self.parameters, self.threads)
+        for shape in ((4, 6), (4, 6, 3)):
+            for depth in (np.uint8, np.uint16):
+                matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
+
+    def not_compiled(self, image: Image) -> str:
+        """Where such an image, under the present parameters, is the first of this process that needs certain kernels:
+        what they are for, as '16-bit colour images and 65 to 96 disparities'. Its frame compiles them, or loads them
+        from the cache. Else empty."""
+        if _kernels_of(image.shape, image.dtype, self.parameters) in _RUN:
+            return ''
+        last = width_of(lanes_for(self.parameters.num_disparities))
+        kind = f'{8 * image.dtype.itemsize}-bit {"grey" if image.ndim == 2 else "colour"} images'
+        return f'{kind} and {last - width_of(lanes_for(1)) + 1} to {last} disparities'
 
     def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""
@@ -139,7 +151,8 @@ class StereoMatcher:
         self._crew.gather(self.threads)
         refinement = self._keep(Refinement, Refinement.layout(matched.shape, parameters), matched.shape, parameters)
         disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
-        return DisparityResult(disparity, valid, clock.milliseconds())
+        _RUN.add(_kernels_of(matched.shape, matched.images.left.dtype, parameters))
+        return DisparityResult(disparity, valid, clock.milliseconds(), disparity_step(parameters))
 
     def _prepare(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> PairImages:
         """Grey levels of 8 bits, which do not depend on the depth of the images."""
@@ -153,7 +166,7 @@ class StereoMatcher:
     def _winners(self, images: PairImages, parameters: MatcherParameters, clock: StageClock) -> Winners:
         """Stages 1 to 3: with the exact tree where the paper's equations are asked for, else by stripes."""
         shape = images.left.shape
-        if parameters.aggregation == 'tree' and parameters.p2 == 0:
+        if _is_exact(parameters):
             layout = ExactRoute.layout(shape, parameters, self._crew.threads)
             exact = self._keep(ExactRoute, layout, shape, parameters, self._crew.threads)
             return exact.run(images, parameters, self._crew, clock)
@@ -168,6 +181,18 @@ class StereoMatcher:
             self._kept[kind] = layout, kind(*arguments)
         kept: Kept = self._kept[kind][1]
         return kept
+
+
+def _is_exact(parameters: MatcherParameters) -> bool:
+    """Whether stages 1 to 3 are the paper's own equations."""
+    return parameters.aggregation == 'tree' and parameters.p2 == 0
+
+
+def _kernels_of(shape: tuple[int, ...], dtype: Any, parameters: MatcherParameters) -> tuple[object, ...]:
+    """What the types of the kernels' arguments follow from: images with the same take the same kernels."""
+    channels = 1 if len(shape) == 2 else shape[2]
+    return (str(dtype), channels, _is_exact(parameters), lanes_for(parameters.num_disparities), parameters.aggregation,
+            right_aggregation(parameters, channels), *kernels_of(parameters))
 
 
 def _checked(left: Image, right: Image) -> tuple[Image, Image]:

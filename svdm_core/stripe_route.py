@@ -38,7 +38,8 @@ class StripeRoute:
         self.winners = StripeWinners(
             np.zeros((height, width), np.int16), np.zeros((self.right.height, width), np.int16),
             np.zeros((height, width) if parameters.subpixel else (0, 0), np.float32),
-            np.where(np.arange(lanes) < parameters.num_disparities, 0, 255).astype(np.uint8), parameters.num_disparities)
+            np.where(np.arange(lanes) < parameters.num_disparities, 0, 255).astype(np.uint8),
+            parameters.num_disparities)
 
     @staticmethod
     def layout(shape: tuple[int, ...], parameters: MatcherParameters) -> tuple[object, ...]:
@@ -81,9 +82,9 @@ class StripeRoute:
 
     def _penalties(self, parameters: MatcherParameters, level_unit: float) -> Penalties:
         units = [side.full_cost / max(largest_cost(parameters), 1e-9) for side in self.sides]
-        p1 = [np.uint8(min(round(min(parameters.p1, parameters.p2) * unit), 255)) for unit in units]
+        p1 = [min(round(min(parameters.p1, parameters.p2) * unit), 255) for unit in units]
         p2 = [p2_table(p1[k], parameters.p2 * unit, parameters.p2_edge / level_unit) for k, unit in enumerate(units)]
-        return Penalties(p1[0], p1[1], p2[0], p2[1], self._across, self._down)
+        return Penalties(np.uint8(p1[0]), np.uint8(p1[1]), p2[0], p2[1], self._across, self._down)
 
 
 def right_aggregation(parameters: MatcherParameters, channels: int) -> str:

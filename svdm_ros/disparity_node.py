@@ -62,7 +62,7 @@ class DisparityNode(Node):
 
         self._publisher = self._create_output()
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
-        self._processor = FrameProcessor()
+        self._processor = FrameProcessor(on_compiling=self._report_compiling)
         self._worker: Worker[StereoFrame] = Worker(
             self._warm_up, self._process, self._statistics.count_drop, self._report_failure
         )
@@ -184,6 +184,10 @@ class DisparityNode(Node):
         if done.geometry_problem:
             known = f'f = {done.message.f:g}, t = {done.message.t:g}'
             self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
+
+    def _report_compiling(self, what: str) -> None:
+        text = f'new parameters or images: compiling the kernels for {what}, this frame takes up to a minute'
+        self._say(Line(f'compiling {what}', text))
 
     def _report_failure(self, error: Exception) -> None:
         if not self.context.ok():

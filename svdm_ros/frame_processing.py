@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from svdm_core import StereoMatcher
@@ -55,21 +56,27 @@ class FrameProcessor:
     `types` are the message classes that come out, rclpy's by default; those that come in may be of any library.
     """
 
-    def __init__(self, types: MessageTypes | None = None) -> None:
+    def __init__(self, types: MessageTypes | None = None, on_compiling: Callable[[str], None] = lambda _: None) -> None:
+        """on_compiling: told before a frame that has to compile kernels first, with what they are for."""
         self._types = types
+        self._on_compiling = on_compiling
         self._matcher: StereoMatcher | None = None
         self._threads = 0
 
     def warm_up(self, parameters: NodeParameters) -> None:
-        """Compile the kernels, or load them from the cache of an earlier run."""
+        """Compile the kernels that `parameters` need, or load them from the cache of an earlier run."""
         self._matcher_for(parameters).warm_up()
 
     def process(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
         """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair."""
         left, right = _pixels(frame.left, 'left'), _pixels(frame.right, 'right')
         _check_alike(frame, left, right)
+        matcher = self._matcher_for(parameters)
+        lacking = matcher.not_compiled(left)
+        if lacking:
+            self._on_compiling(lacking)
         try:
-            result = self._matcher_for(parameters).compute(left, right)
+            result = matcher.compute(left, right)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
         height, width = left.shape[:2]

@@ -60,7 +60,8 @@ def disparity_image(
 
     Everything that is a disparity is shifted by the principal offset, the ends of the search range as well.
     With `publish_filled` every pixel has a disparity; without it those that failed the left-right check are
-    min_disparity - 1, below the range as stereo_msgs defines invalid. `types` are the classes to build it from,
+    min_disparity - 1, below the range as stereo_msgs defines invalid. delta_d is the step of the result; where that
+    can be any float32, their spacing at the far end of the range. `types` are the classes to build it from,
     those of rclpy by default.
     """
     # All in float32, so that no valid disparity is rounded to below min_disparity.
@@ -77,10 +78,10 @@ def disparity_image(
         image=float_image(disparity, header, types),
         f=geometry.focal_length,
         t=geometry.baseline,
-        valid_window=_valid_window(disparity.shape, 0 if publish_filled else parameters.min_disparity, types),
+        valid_window=_valid_window(disparity.shape, None if publish_filled else parameters, types),
         min_disparity=float(smallest),
         max_disparity=float(largest),
-        delta_d=_disparity_step(parameters, smallest, largest),
+        delta_d=result.step or float(np.spacing(max(abs(smallest), abs(largest)))),
     )
 
 
@@ -98,13 +99,15 @@ def float_image(values: NDArray[np.float32], header: Header, types: MessageTypes
     )
 
 
-def _disparity_step(parameters: MatcherParameters, smallest: np.float32, largest: np.float32) -> float:
-    """1 px; sub-pixel gives any float32, so there the step is the spacing of float32 at the far end of the range."""
-    return float(np.spacing(max(abs(smallest), abs(largest)))) if parameters.subpixel and largest > smallest else 1.0
+def _valid_window(shape: tuple[int, ...], parameters: MatcherParameters | None, types: MessageTypes) -> Any:
+    """Where a disparity can be: the columns that have a partner under `parameters`; without them, all.
 
-
-def _valid_window(shape: tuple[int, ...], unmatched_columns: int, types: MessageTypes) -> Any:
-    """Where a disparity can be: columns left of min_disparity have no partner and are known only by filling."""
+    Columns left of min_disparity have none, and those as close to the right border as the largest disparity is below 0.
+    """
     height, width = shape
-    left = min(unmatched_columns, width)
-    return types.region_of_interest(x_offset=left, y_offset=0, height=height, width=width - left, do_rectify=False)
+    left = right = 0
+    if parameters is not None:
+        left = min(max(parameters.min_disparity, 0), width)
+        right = min(max(1 - parameters.min_disparity - parameters.num_disparities, 0), width)
+    return types.region_of_interest(x_offset=left, y_offset=0, height=height, width=width - left - right,
+                                    do_rectify=False)

@@ -13,7 +13,7 @@ from svdm_core import ParameterInfo
 
 from .parameter_set import NodeParameters, Value, node_parameter_table
 
-_BY_NAME = {info.name: info for info in node_parameter_table()}
+_NAMES = tuple(info.name for info in node_parameter_table())
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 """Names that rclpy declares itself."""
 
@@ -60,9 +60,10 @@ class DeclaredParameters:
         return [self._checked_one(change) for change in changes]
 
     def _checked_one(self, change: Parameter) -> Parameter:
-        if change.name in _BY_NAME:
+        info = next((info for info in node_parameter_table() if info.name == change.name), None)
+        if info is not None:
             try:
-                return Parameter(change.name, value=_BY_NAME[change.name].check(change.value))
+                return Parameter(change.name, value=info.check(change.value))
             except ValueError as error:
                 raise _RefusedError(str(error)) from None
         if not self._node.has_parameter(change.name):
@@ -96,18 +97,18 @@ def unknown_parameter_line(name: str, others: Collection[str] = ()) -> str:
 
 
 def _hint(name: str, others: Collection[str] = ()) -> str:
-    near = difflib.get_close_matches(name, [*_BY_NAME, *_ROS_PARAMETERS, *others], n=1)
+    near = difflib.get_close_matches(name, [*_NAMES, *_ROS_PARAMETERS, *others], n=1)
     return f'did you mean {near[0]}?' if near else 'ros2 param list tells the names'
 
 
 def _known(changes: Iterable[Parameter]) -> dict[str, Value]:
     """The table's part of a change; use_sim_time and the like are not ours to judge."""
-    return {change.name: change.value for change in changes if change.name in _BY_NAME}
+    return {change.name: change.value for change in changes if change.name in _NAMES}
 
 
 def _take_overrides(node: Node) -> dict[str, Value]:
     """The start-up values of the table's parameters, undeclared again so that they can be declared in full."""
-    given = {name: node.get_parameter(name).value for name in _BY_NAME if node.has_parameter(name)}
+    given = {name: node.get_parameter(name).value for name in _NAMES if node.has_parameter(name)}
     for name in given:
         node.undeclare_parameter(name)
     return given

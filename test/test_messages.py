@@ -18,9 +18,9 @@ GEOMETRY = StereoGeometry(focal_length=500.0, baseline=0.25, principal_offset=3.
 PARAMETERS = MatcherParameters(min_disparity=4, num_disparities=16, subpixel=False)
 
 
-def result_of(disparity, valid=None):
+def result_of(disparity, valid=None, step=1.0):
     disparity = np.asarray(disparity, np.float32)
-    return DisparityResult(disparity, np.ones(disparity.shape, bool) if valid is None else np.asarray(valid), {})
+    return DisparityResult(disparity, np.ones(disparity.shape, bool) if valid is None else np.asarray(valid), {}, step)
 
 
 def pixels(message):
@@ -68,7 +68,7 @@ def test_the_window_of_checked_pixels_begins_at_min_disparity_and_never_underflo
 
 
 @given(
-    shape=npst.array_shapes(min_dims=2, max_dims=2, max_side=6), smallest=st.integers(0, 1024),
+    shape=npst.array_shapes(min_dims=2, max_dims=2, max_side=6), smallest=st.integers(-1024, 1024),
     count=st.integers(1, 1024), offset=st.floats(-2000, 2000), subpixel=st.booleans(), data=st.data())
 def test_valid_disparities_are_within_the_published_range_and_invalid_ones_below(
         shape, smallest, count, offset, subpixel, data):
@@ -85,9 +85,26 @@ def test_valid_disparities_are_within_the_published_range_and_invalid_ones_below
     np.testing.assert_allclose(published[valid] + offset, disparity[valid], atol=1e-3)
 
 
-def test_the_step_of_sub_pixel_is_that_of_float32():
+@pytest.mark.parametrize(('smallest', 'count', 'width', 'window'), [
+    (-3, 16, 10, (0, 10)), (-20, 16, 10, (0, 5)), (-20, 17, 10, (0, 6)), (-1024, 16, 10, (0, 0)),
+    (-16, 16, 10, (0, 9))])
+def test_the_window_below_0_ends_where_the_largest_disparity_leads_out_of_the_image(smallest, count, width, window):
+    """Pixel x meets x - d of the right image: with all d below 0, the last columns meet none."""
+    parameters = MatcherParameters(min_disparity=smallest, num_disparities=count)
+    result = result_of(np.full((5, width), smallest))
+    sparse = disparity_image(result, GEOMETRY, parameters, HEADER, publish_filled=False)
+    assert (sparse.valid_window.x_offset, sparse.valid_window.width) == window
+    partners = [any(0 <= x - d < width for d in range(smallest, smallest + count)) for x in range(width)]
+    assert partners == [x < window[1] for x in range(width)]
+    filled = disparity_image(result, GEOMETRY, parameters, HEADER)
+    assert (filled.valid_window.x_offset, filled.valid_window.width) == (0, width)
+    assert (filled.min_disparity, filled.max_disparity) == (smallest - 3.5, smallest + count - 4.5)
+
+
+def test_the_step_is_the_results_or_that_of_float32():
     parameters = MatcherParameters(num_disparities=64, subpixel=True)
-    message = disparity_image(result_of([[0.0]]), StereoGeometry(), parameters, HEADER)
+    assert disparity_image(result_of([[0.0]], step=1 / 64), StereoGeometry(), parameters, HEADER).delta_d == 1 / 64
+    message = disparity_image(result_of([[0.0]], step=0.0), StereoGeometry(), parameters, HEADER)
     assert message.delta_d == np.nextafter(np.float32(63), np.float32(64)) - np.float32(63)
 
 

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterType
 
 from svdm_core import parameter_table
+from svdm_core.cost_aggregation import AGGREGATIONS, Aggregation
 from svdm_ros.node_parameters import descriptor, unknown_parameter_line
 from svdm_ros.parameter_set import NodeParameters, node_parameter_table
 
@@ -43,6 +44,13 @@ def test_the_descriptor_tells_what_the_table_tells(info):
         (bounds,) = ranges[info.type]
         assert (bounds.from_value, bounds.to_value) == (info.minimum, info.maximum)
         assert bounds.step == info.step
+
+
+def test_the_descriptor_tells_of_an_aggregation_registered_at_run_time(monkeypatch):
+    monkeypatch.setitem(AGGREGATIONS, 'alone', Aggregation('nowhere:Alone', 'no other pixel'))
+    described = descriptor(next(info for info in node_parameter_table() if info.name == 'aggregation'))
+    assert described.additional_constraints == 'one of: tree | box | alone'
+    assert described.description.endswith(', or no other pixel')
 
 
 @pytest.mark.parametrize('info', BOUNDED, ids=lambda info: info.name)

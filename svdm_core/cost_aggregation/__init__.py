@@ -2,7 +2,10 @@
 from __future__ import annotations
 
 import importlib
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from .aggregation import StripeAggregation
 
 
 class Aggregation(NamedTuple):
@@ -12,13 +15,15 @@ class Aggregation(NamedTuple):
     place: str
     meaning: str
 
-    def load(self) -> Any:
+    def load(self) -> type[StripeAggregation]:
         """The class."""
         module, _, name = self.place.partition(':')
-        return getattr(importlib.import_module(module), name)
+        found: type[StripeAggregation] = getattr(importlib.import_module(module), name)
+        return found
 
 
 AGGREGATIONS = {
-    'tree': Aggregation(f'{__name__}.stripe_trees:TreeAggregation', 'all others along a minimum spanning tree (the paper)'),
+    'tree': Aggregation(f'{__name__}.stripe_trees:TreeAggregation',
+                        'all others along a minimum spanning tree (the paper)'),
     'box': Aggregation(f'{__name__}.box:BoxAggregation', 'the 3x3 box around it'),
 }

@@ -68,8 +68,8 @@ def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
 def edge_similarities(sigma_tree: float, d_y: int, level_unit: float = 1.0) -> Float32:
     """`edge_similarity` of the weights 0 .. 255, each `level_unit` grey levels; d_y = 255 cuts none."""
     levels = np.arange(256) * level_unit
-    d_y = d_y if d_y < 255 else np.inf
-    return np.where(levels > d_y, 0.0, np.exp(-levels / (255 * sigma_tree))).astype(np.float32)
+    most = d_y if d_y < 255 else np.inf
+    return np.where(levels > most, 0.0, np.exp(-levels / (255 * sigma_tree))).astype(np.float32)
 
 
 def aggregate(

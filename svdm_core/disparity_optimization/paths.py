@@ -1,7 +1,8 @@
 """Stage 3, semi-global: costs smoothed along scanlines from three or four sides (Hirschmueller 2008), in bytes.
 
 L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2(q, p)) - min L(q), q the pixel before p. Sums of three
-paths, and halved ones of four, saturate: what is at the limit is so bad that it does not win. All disparities of a pixel are one vector.
+paths, and halved ones of four, saturate: what is at the limit is so bad that it does not win. All disparities of a
+pixel are one vector.
 """
 from __future__ import annotations
 
@@ -117,7 +118,8 @@ def take_winners(
     """The last path, from above, and the winners of one row: the disparities of the smallest sums.
 
     steps: P1, and P2 as in `along_columns`. sums: those of the paths along rows, which become those of all; more: uint8
-    (W * lanes), those from below, or empty; with them, sums are halved. barrier: uint8 (lanes), 255 behind the search range. winner: int16 (W).
+    (W * lanes), those from below, or empty; with them, sums are halved. barrier: uint8 (lanes), 255 behind the
+    search range. winner: int16 (W).
     """
     cost, last, low, jump, to = pointer(costs), pointer(line.costs), pointer(line.low), pointer(steps[1]), pointer(sums)
     third, best, added, step = pointer(more), pointer(winner), more.size > 0, UNIT * len(lanes)
@@ -139,7 +141,7 @@ def take_winners(
 def fill_vertices(sums: Uint8, winner: Int16, num_disparities: int, vertex: Float32, lanes: Lanes) -> None:
     """vertex[x]: `symmetric_v` of the winner's sum and its neighbours', 0 at either end of the search range."""
     for x in range(winner.size):
-        d = np.int64(winner[x])
+        d: Any = np.int64(winner[x])
         at = x * UNIT * len(lanes) + d
         below, lowest = np.float32(sums[max(at - 1, 0)]), np.float32(sums[at])
         above = np.float32(sums[min(at + 1, sums.size - 1)])

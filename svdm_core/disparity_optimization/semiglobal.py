@@ -9,10 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numba
-import numpy as np
 
 from ..cost_aggregation.box import box_row
-from ..kernels.arrays import Float32, Int16, Uint8
+from ..kernels.arrays import Float32, Int16, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import OVERLAP, STRIPE, Rows, stripe_rows
 from ..kernels.tasks import take, whole_lines
@@ -59,8 +58,8 @@ def scratch_size(width: int, lanes: int, paths: int) -> int:
 
 @kernel(parallel=True)
 def smooth_stripes(
-    counter: Int16, end: int, arenas: Uint8, costs: ByteCosts, penalties: Penalties, views: Views, winners: StripeWinners,
-    lanes: Lanes,
+    counter: Int64, end: int, arenas: Uint8, costs: ByteCosts, penalties: Penalties, views: Views,
+    winners: StripeWinners, lanes: Lanes,
 ) -> None:
     """The stripes of the left view, then those of the right one."""
     for worker in numba.prange(arenas.shape[0]):

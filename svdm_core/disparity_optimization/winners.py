@@ -32,20 +32,20 @@ class BestSoFar(NamedTuple):
     """The best disparity of each node so far, in each of several ranges of disparities (slots) that run side by side.
 
     best: int32 (2, slots, N), bits of the smallest float32 cost >= 0, which order like the costs.
-    index: int32 (2, slots, N), its disparity - min_disparity, the smallest among equal costs.
+    disparity: int32 (2, slots, N), that of it - min_disparity, the smallest among equal costs.
     beside: float32 (slots, 4, N), left view: costs one below and one above the winner, and at the slot's ends; or
     (slots, 4, 0): then there are no sub-pixel offsets.
     """
 
     best: Int32
-    index: Int32
+    disparity: Int32
     beside: Float32
 
 
 def empty_best(slots: int, nodes: int, subpixel: bool = True) -> BestSoFar:
     """Room for two views of `nodes` nodes; the first block of a slot overwrites what was there before."""
-    best, index = np.zeros((2, 2, slots, nodes), np.int32)
-    return BestSoFar(best, index, np.zeros((slots, 4, nodes if subpixel else 0), np.float32))
+    best, disparity = np.zeros((2, 2, slots, nodes), np.int32)
+    return BestSoFar(best, disparity, np.zeros((slots, 4, nodes if subpixel else 0), np.float32))
 
 
 def winners_of(
@@ -68,7 +68,7 @@ class SlotPointers(NamedTuple):
     """`BestSoFar` of one slot of one view as pointers; start: its first disparity, nodes: how many there are."""
 
     best: Any
-    index: Any
+    disparity: Any
     beside: Any
     nodes: int
     start: int
@@ -78,7 +78,7 @@ class SlotPointers(NamedTuple):
 @kernel
 def slot_pointers(winners: BestSoFar, view: int, slot: int, start: int, subpixel: bool) -> SlotPointers:
     """One slot of one view; subpixel: whether the costs beside the winner are kept."""
-    return SlotPointers(pointer(winners.best[view, slot]), pointer(winners.index[view, slot]),
+    return SlotPointers(pointer(winners.best[view, slot]), pointer(winners.disparity[view, slot]),
                         pointer(winners.beside[slot]), winners.best.shape[2], start, subpixel)
 
 
@@ -94,7 +94,7 @@ def take_smallest(row: Any, rows: Any, k: int, first: int, kept: SlotPointers) -
     if kept.subpixel:
         if first == kept.start:
             beside[_FIRST * nodes + k] = rows[here]
-        elif kept.index[k] == first - 1:
+        elif kept.disparity[k] == first - 1:
             beside[_ABOVE * nodes + k] = rows[here]
         if wins:
             beside[_BELOW * nodes + k] = rows[here + lane - 1] if lane > 0 else beside[_LAST * nodes + k]
@@ -102,7 +102,7 @@ def take_smallest(row: Any, rows: Any, k: int, first: int, kept: SlotPointers) -
         beside[_LAST * nodes + k] = rows[here + BLOCK - 1]
     if wins:
         kept.best[k] = least
-        kept.index[k] = first + lane
+        kept.disparity[k] = first + lane
 
 
 @kernel
@@ -139,9 +139,9 @@ def _images_of_chunk(
 ) -> None:
     end, per_slot = limits
     for k in range(chunk * _CHUNK, min(pixel.shape[1], (chunk + 1) * _CHUNK)):
-        winner[1, pixel[1, k]] = winners.index[1, _best_slot(winners.best[1], k), k]
+        winner[1, pixel[1, k]] = winners.disparity[1, _best_slot(winners.best[1], k), k]
         slot = _best_slot(winners.best[0], k)
-        d = winners.index[0, slot, k]
+        d = winners.disparity[0, slot, k]
         winner[0, pixel[0, k]] = d
         inside = 0 < d < end and winners.beside.shape[2] > 0
         vertex[pixel[0, k]] = _offset(winners, cost, slot, k, per_slot) if inside else np.float32(0)
@@ -150,7 +150,7 @@ def _images_of_chunk(
 @kernel
 def _offset(winners: BestSoFar, cost: Float32, slot: int, k: int, per_slot: int) -> np.float32:
     """`symmetric_v` of node k of the left view; its neighbours may lie in the slots beside."""
-    d, beside = winners.index[0, slot, k], winners.beside
+    d, beside = winners.disparity[0, slot, k], winners.beside
     at_start, at_end = d == slot * per_slot, d == (slot + 1) * per_slot - 1 and slot < beside.shape[0] - 1
     below = beside[slot - 1, _LAST, k] if at_start else beside[slot, _BELOW, k]
     above = beside[slot + 1, _FIRST, k] if at_end else beside[slot, _ABOVE, k]

@@ -189,7 +189,7 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
         store_wide(at.weights, k * step, weight)
         store_wide(at.near, k * step, load_wide(at.labels, (y + k) * at.pitch + x, lanes))
         total = total + widen(weight)
-    guess = np.int64(at.labels[(y + at.side // 2) * at.pitch + x + at.side // 2])
+    guess: Any = np.int64(at.labels[(y + at.side // 2) * at.pitch + x + at.side // 2])
     return _weighted_median(at, guess, sum_wide(total), lanes)
 
 
@@ -211,7 +211,7 @@ def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
 
 
 @kernel(inline=True)
-def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Uint16:
+def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Any:
     """squares * slope / 256, about 65535 where it does not fit."""
     factor = splat_wide(slope, lanes)
     high = minimum_wide(multiply_high(squares, factor), splat_wide(np.uint16(255), lanes))
@@ -234,7 +234,7 @@ def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) 
 
 
 @kernel(inline=True)
-def _weight_up_to(at: _Pointers, label: int, lanes: Lanes) -> np.uint32:
+def _weight_up_to(at: _Pointers, label: int, lanes: Lanes) -> Any:
     step = UNIT * len(lanes)
     limit, below = splat_wide(np.uint8(label), lanes), splat_wide(np.uint16(0), lanes)
     for o in range(0, at.side * step, step):

@@ -35,7 +35,7 @@ def sorting_network(size: int) -> Iterator[tuple[int, int]]:
 
 
 @intrinsic(prefer_literal=True)
-def window_median(_: Any, elements: Any, index: Any, pitch: Any, side: Any) -> Any:
+def _window_median(_: Any, elements: Any, index: Any, pitch: Any, side: Any) -> Any:
     """Medians of side x side windows whose first elements lie from `index` on; rows `pitch` apart."""
     wide, across = Wide(elements.dtype, UNIT), side.literal_value
 
@@ -51,6 +51,9 @@ def window_median(_: Any, elements: Any, index: Any, pitch: Any, side: Any) -> A
         return builder.insert_value(context.get_constant_undef(wide), values[len(values) // 2], 0)
 
     return wide(elements, types.intp, types.intp, side), generate
+
+
+window_median: Any = _window_median  # called without the typing context
 
 
 @kernel(parallel=True)

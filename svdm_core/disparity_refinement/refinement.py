@@ -6,7 +6,7 @@ import numpy as np
 
 from ..disparity_optimization.winners import Winners
 from ..kernels.arrays import Bool, Float32, Uint8
-from ..kernels.stripes import BLOCK, block_count
+from ..kernels.stripes import block_count
 from ..matching_cost.planes import intensities
 from ..matching_cost.preparation import PairImages
 from ..parameters import MatcherParameters
@@ -88,6 +88,20 @@ def in_bytes(parameters: MatcherParameters) -> bool:
     """Whether the median is that of `byte_median`, else it is the literal one of `weighted_median`."""
     return (parameters.median_scope == 'filled' and parameters.median_guide == 'image'
             and parameters.num_disparities <= byte_median.MOST_DISPARITIES)
+
+
+def kernels_of(parameters: MatcherParameters) -> tuple[object, ...]:
+    """What the types of the kernels' arguments follow from."""
+    if in_bytes(parameters):
+        return ('bytes', byte_median.window_lanes(parameters.w_p))
+    return parameters.median_scope, parameters.median_guide
+
+
+def disparity_step(parameters: MatcherParameters) -> float:
+    """px, what the disparities that come out are multiples of; 0 where they can be any float32."""
+    if not parameters.subpixel or parameters.num_disparities == 1:
+        return 1.0
+    return 1 / byte_median.STEPS if in_bytes(parameters) else 0.0
 
 
 def scratch_size(shape: tuple[int, ...], parameters: MatcherParameters) -> int:

@@ -6,6 +6,8 @@ round to another median than the whole weights of `weighted_median` give, the pi
 """
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -40,27 +42,37 @@ def separable_median(
     alike = np.exp(-(np.arange(-bins, bins) / sigma_label) ** 2).astype(np.float32)
     medians, certain = np.empty(labels.shape, np.int32), np.empty(labels.shape, np.bool_)
     error = np.float32(2 * _WEIGHT_ERROR * window**2 / scale)
-    _medians(labels, lowest, bins, near, alike, error, medians, certain)
+    _medians(labels, _Weights(lowest, bins, near, alike, error), medians, certain)
     return medians, certain
 
 
+class _Weights(NamedTuple):
+    """Of `bins` labels from `lowest` on: near, float32 (window), by the distance along an axis; alike, float32
+    (2 * bins), by the difference of labels + bins. error: what a sum may be off."""
+
+    lowest: int
+    bins: int
+    near: Float32
+    alike: Float32
+    error: np.float32
+
+
 @kernel(parallel=True)
-def _medians(
-    labels: Int32, lowest: int, bins: int, near: Float32, alike: Float32, error: np.float32, medians: Int32,
-    certain: Bool,
-) -> None:
+def _medians(labels: Int32, weights: _Weights, medians: Int32, certain: Bool) -> None:
     height, width = labels.shape
+    bins = weights.bins
     for task in numba.prange(-(-height // _ROWS)):
         columns, histogram = np.empty(width * bins, np.float32), np.empty(bins, np.float32)
         for y in range(task * _ROWS, min(height, (task + 1) * _ROWS)):
-            _column_histograms(labels, y, lowest, bins, near, columns)
-            _medians_of_row(labels[y], lowest, bins, near, alike, error, columns, histogram, medians[y], certain[y])
+            _column_histograms(labels, y, weights, columns)
+            _medians_of_row(labels[y], weights, columns, histogram, medians[y], certain[y])
 
 
 @kernel
-def _column_histograms(labels: Int32, y: int, lowest: int, bins: int, near: Float32, columns: Float32) -> None:
+def _column_histograms(labels: Int32, y: int, weights: _Weights, columns: Float32) -> None:
     """columns[x * bins + b]: weight of the pixels with label lowest + b above and below (y, x), and of itself."""
     height, width = labels.shape
+    lowest, bins, near = weights.lowest, weights.bins, weights.near
     r = near.size // 2
     columns[:] = 0
     at = pointer(columns)
@@ -72,9 +84,9 @@ def _column_histograms(labels: Int32, y: int, lowest: int, bins: int, near: Floa
 
 @kernel
 def _medians_of_row(
-    labels: Int32, lowest: int, bins: int, near: Float32, alike: Float32, error: np.float32, columns: Float32,
-    histogram: Float32, medians: Int32, certain: Bool,
+    labels: Int32, by: _Weights, columns: Float32, histogram: Float32, medians: Int32, certain: Bool
 ) -> None:
+    lowest, bins, near, alike = by.lowest, by.bins, by.near, by.alike
     width, r = labels.size, near.size // 2
     columns_at, histogram_at, near_at, alike_at = pointer(columns), pointer(histogram), pointer(near), pointer(alike)
     for x in range(width):
@@ -100,5 +112,5 @@ def _medians_of_row(
             below += histogram_at[label]
             label += 1
         medians[x] = label + lowest
-        margin = error + np.float32(2 * _SUM_ERROR) * half
+        margin = by.error + np.float32(2 * _SUM_ERROR) * half
         certain[x] = half - below > margin and below + histogram_at[label] - half > margin

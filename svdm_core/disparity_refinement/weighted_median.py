@@ -122,10 +122,12 @@ def _row_weights_grey(a: Float32, b: Float32, exponent: np.float32, scale: np.fl
 
 @kernel
 def _row_weights_colour(
-    a0: Float32, a1: Float32, a2: Float32, b0: Float32, b1: Float32, b2: Float32, exponent: np.float32,
+    here: tuple[Float32, Float32, Float32], there: tuple[Float32, Float32, Float32], exponent: np.float32,
     scale: np.float32, weights: Int32,
 ) -> None:
     """The same for three channels."""
+    a0, a1, a2 = here
+    b0, b1, b2 = there
     for i in range(weights.size):
         u, v, w = a0[i] - b0[i], a1[i] - b1[i], a2[i] - b2[i]
         weights[i] = np.int32(_exp_minus(exponent + (u * u + v * v + w * w)) * scale + np.float32(0.5))
@@ -159,10 +161,11 @@ def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scal
                     _row_weights_grey(guide[0, y + r, r:r + width], guide[0, y + i, j:j + width],
                                       exponents[i, j], scale, weights)
                 else:
-                    _row_weights_colour(guide[0, y + r, r:r + width], guide[1, y + r, r:r + width],
-                                        guide[2, y + r, r:r + width], guide[0, y + i, j:j + width],
-                                        guide[1, y + i, j:j + width], guide[2, y + i, j:j + width],
-                                        exponents[i, j], scale, weights)
+                    here = (guide[0, y + r, r:r + width], guide[1, y + r, r:r + width],
+                            guide[2, y + r, r:r + width])
+                    there = (guide[0, y + i, j:j + width], guide[1, y + i, j:j + width],
+                             guide[2, y + i, j:j + width])
+                    _row_weights_colour(here, there, exponents[i, j], scale, weights)
                 _weigh_labels(weights, labels[y + r, r:r + width], labels[y + i, j:j + width], balance, equal)
         for x in range(width):
             settled[y, x] = -equal[x] < balance[x] <= equal[x]
@@ -184,7 +187,7 @@ def _search(
             if guide.shape[0] == 1:
                 _window_weights_grey(guide[0], y, x, r, exponents, scale, weights)
             else:
-                _window_weights_colour(guide[0], guide[1], guide[2], y, x, r, exponents, scale, weights)
+                _window_weights_colour(guide, y, x, r, exponents, scale, weights)
             _window_labels(labels, y, x, exponents, near)
             result[y, x] = _median(near, weights, labels[y + r, x + r])
 
@@ -214,10 +217,10 @@ def _window_weights_grey(
 
 @kernel
 def _window_weights_colour(
-    g0: Float32, g1: Float32, g2: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32,
-    weights: Int32,
+    guide: Float32, y: int, x: int, r: int, exponents: Float32, scale: np.float32, weights: Int32,
 ) -> None:
-    """The same for three channels."""
+    """The same for three channels; guide (3, H, W)."""
+    g0, g1, g2 = guide[0], guide[1], guide[2]
     rows, columns = exponents.shape
     a0, a1, a2 = g0[y + r, x + r], g1[y + r, x + r], g2[y + r, x + r]
     for i in range(rows):

@@ -61,13 +61,6 @@ class Contender:
             del given['num_disparities']
         return given
 
-    def warm_up(self) -> None:
-        """Compile the kernels for grey and for colour, so that the first scene takes as long as the others."""
-        if self.method == OWN_METHOD:
-            self._own.parameters = self._parameters.replace(min_disparity=0, num_disparities=2)
-            for shape in ((8, 12), (8, 12, 3)):
-                self._own.compute(np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
-
     def judge(self, scene: StereoScene, factor: float) -> JudgedScene:
         """Match `scene` and judge the dense map. factor: full-resolution px per px of its images.
 
@@ -77,6 +70,7 @@ class Contender:
         where the method cannot match the scene.
         """
         num_disparities = self._num_disparities or scene.num_disparities
+        self._warm_up(scene, num_disparities)
         start = time.perf_counter()
         try:
             disparity, valid = self._match(scene, num_disparities)
@@ -86,6 +80,13 @@ class Contender:
         figures = scene_figures(disparity, valid, scene, factor)
         return JudgedScene(disparity, {**figures, 'streaks': streak_share(disparity, scene.left),
                                          'time_ms': milliseconds, 'num_disparities': num_disparities})
+
+    def _warm_up(self, scene: StereoScene, num_disparities: int) -> None:
+        """Compile what the scene needs before its time is taken."""
+        if self.method == OWN_METHOD:
+            self._own.parameters = self._parameters.replace(num_disparities=num_disparities)
+            if self._own.not_compiled(scene.left):
+                self._own.compute(scene.left[:8, :12], scene.right[:8, :12])
 
     def _match(self, scene: StereoScene, num_disparities: int) -> tuple[Float32, Bool]:
         if self.method == OWN_METHOD:
@@ -129,8 +130,6 @@ def evaluate(
     ValueError where no scene is left, and where a figure is not a number.
     """
     result = Evaluation({contender.method: {} for contender in contenders}, [])
-    for contender in contenders:
-        contender.warm_up()
     for name, read in scenes.items():
         tell(name)
         try:

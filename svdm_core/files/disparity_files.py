@@ -24,7 +24,7 @@ def encode_disparity(disparity: Float32, path: Path) -> bytes:
     """The file `path` shall hold, by its suffix. disparity: float32 (H, W), px, not finite where unknown.
 
     PFM and NPY hold the values as they are; PNG holds 256 times the disparity, 0 where unknown.
-    Raises ValueError for another suffix, and for disparities that a PNG cannot hold.
+    Raises ValueError for another suffix, and for disparities that a PNG cannot hold: below 0, or too large.
     """
     check_suffix(path)
     suffix = path.suffix.lower()
@@ -48,5 +48,8 @@ def _kitti_steps(disparity: Float32, path: Path) -> Uint16:
     if steps.max(initial=0) > np.iinfo(np.uint16).max:
         raise ValueError(f'{path}: disparities up to {disparity[known].max():g} px do not fit a 16-bit PNG, which ends '
                          f'below {2**16 // KITTI_SCALE} px: name a .pfm or .npy')
+    if steps.min(initial=0) < 0:
+        raise ValueError(f'{path}: disparities from {disparity[known].min():g} px do not fit a 16-bit PNG, which has '
+                         'none below 0: name a .pfm or .npy')
     # A known disparity of 0 px takes the smallest step: 0 means unknown.
     return np.where(known, np.maximum(steps, 1), 0).astype(np.uint16)

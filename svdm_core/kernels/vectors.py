@@ -26,7 +26,7 @@ def _intrinsic(generator: Callable[..., Any]) -> Any:
     return intrinsic(generator)
 
 
-class Vector(types.Type):  # type: ignore[misc]  # numba comes without types
+class Vector(types.Type):
     """numba's type of a vector: `lanes` numbers of the type `element`."""
 
     def __init__(self, element: Any, lanes: int) -> None:
@@ -42,7 +42,7 @@ class Vector(types.Type):  # type: ignore[misc]  # numba comes without types
 
 
 @register_model(Vector)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, vector: Vector) -> None:
         super().__init__(manager, vector, vector.as_llvm())
 
@@ -128,7 +128,7 @@ def _overload_operator(symbol: Any, on_floats: str, on_integers: str) -> None:
 
         return a(a, b), generate
 
-    @overload(symbol)  # type: ignore[misc]
+    @overload(symbol)
     def _(a, b):  # type: ignore[no-untyped-def]  # numba compares the signature with that of the lambda
         return (lambda a, b: lanewise(a, b)) if isinstance(a, Vector) and a == b else None
 

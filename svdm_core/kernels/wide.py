@@ -1,11 +1,12 @@
 """Vectors as wide as the search range: up to 1024 lanes of 8 or 16 bits, cut into pieces that registers can hold.
 
 How many lanes there are is part of numba's types, so a kernel is compiled for each width: it takes `lanes`, a tuple
-of `lanes_for`, whose length counts the lanes in units of UNIT. What goes with it is in `vectors`: pointers, and the rule
-that indices are not checked. Lanes wrap around in + - *; nothing here depends on the processor but its speed.
+of `lanes_for`, whose length counts the lanes in units of UNIT. What goes with it is in `vectors`: pointers, and the
+rule that indices are not checked. Lanes wrap around in + - *; nothing here depends on the processor but its speed.
 """
 from __future__ import annotations
 
+import itertools
 import operator
 from collections.abc import Callable
 from typing import Any
@@ -39,7 +40,7 @@ def width_of(lanes: Lanes) -> int:
     return UNIT * len(lanes)
 
 
-class Wide(types.Type):  # type: ignore[misc]  # numba comes without types
+class Wide(types.Type):
     """numba's type of a wide vector: `lanes` numbers of the integer type `element`, in equal pieces."""
 
     def __init__(self, element: Any, lanes: int) -> None:
@@ -56,7 +57,7 @@ class Wide(types.Type):  # type: ignore[misc]  # numba comes without types
 
 
 @register_model(Wide)
-class _WideModel(models.PrimitiveModel):  # type: ignore[misc]
+class _WideModel(models.PrimitiveModel):
     def __init__(self, manager: Any, wide: Wide) -> None:
         super().__init__(manager, wide, wide.as_llvm())
 
@@ -105,7 +106,7 @@ def load_wide(_: Any, elements: Any, index: Any, lanes: Any) -> Any:
     wide = Wide(elements.dtype, _width(lanes))
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        places = _places(wide, *arguments[:2], context, builder, signature.args[1])
+        places = _places(wide, arguments[0], arguments[1], context, builder, signature.args[1])
         return _join(builder, [builder.load(place, align=1) for place in places], wide)
 
     return wide(elements, index, lanes), generate
@@ -115,7 +116,7 @@ def load_wide(_: Any, elements: Any, index: Any, lanes: Any) -> Any:
 def store_wide(_: Any, elements: Any, index: Any, value: Any) -> Any:
     """Write `value` to the elements from `index` on."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        places = _places(value, *arguments[:2], context, builder, signature.args[1])
+        places = _places(value, arguments[0], arguments[1], context, builder, signature.args[1])
         for place, piece in zip(places, _split(builder, arguments[2], value), strict=True):
             builder.store(piece, place, align=1)
         return context.get_dummy_value()
@@ -185,7 +186,7 @@ average = _lanewise('(a + b + 1) / 2 of unsigned lanes, rounded down.', _rounded
 def _overload_operator(symbol: Any, instruction: str) -> None:
     lanewise = _lanewise(instruction, lambda builder, _, a, b: getattr(builder, instruction)(a, b))
 
-    @overload(symbol)  # type: ignore[misc]
+    @overload(symbol)
     def _(a, b):  # type: ignore[no-untyped-def]  # numba compares the signature with that of the lambda
         return (lambda a, b: lanewise(a, b)) if isinstance(a, Wide) and a == b else None
 
@@ -297,7 +298,7 @@ def _neighbours(meaning: str, below: bool) -> Any:
             joined = [largest, *pieces] if below else [*pieces, largest]
             mask = ir.Constant(ir.VectorType(ir.IntType(32), a.piece), indices)
             return _join(builder, [builder.shuffle_vector(*pair, mask)
-                                   for pair in zip(joined, joined[1:], strict=False)], a)
+                                   for pair in itertools.pairwise(joined)], a)
 
         return a(a), generate
 
@@ -430,7 +431,8 @@ def _nibble_table(builder: Any, own: Any) -> Any:
 def _look_up(builder: Any, table: Any, indices: Any) -> Any:
     """AVX2's shuffle of bytes as a table of 16 entries."""
     half = ir.VectorType(ir.IntType(8), 32)
-    shuffle = cgutils.get_or_insert_function(builder.module, ir.FunctionType(half, [half, half]), 'llvm.x86.avx2.pshuf.b')
+    shuffle = cgutils.get_or_insert_function(builder.module, ir.FunctionType(half, [half, half]),
+                                              'llvm.x86.avx2.pshuf.b')
     parts = [builder.call(shuffle, [table, _lanes_of(builder, indices, start, 32)])
              for start in range(0, indices.type.count, 32)]
     return parts[0] if len(parts) == 1 else _joined(builder, *parts)

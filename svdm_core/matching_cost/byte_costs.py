@@ -23,7 +23,6 @@ from ..kernels.wide import (
     narrow_wide,
     shift_right,
     splat_wide,
-    store_wide,
     widen,
 )
 from ..parameters import MatcherParameters
@@ -70,7 +69,9 @@ def largest_cost(parameters: MatcherParameters) -> float:
     return parameters.tau_ad + parameters.alpha * parameters.tau_gm + parameters.census_weight
 
 
-def byte_costs(planes: MatchingPlanes, width: int, parameters: MatcherParameters, lanes: int, largest: int) -> ByteCosts:
+def byte_costs(
+    planes: MatchingPlanes, width: int, parameters: MatcherParameters, lanes: int, largest: int
+) -> ByteCosts:
     """The costs of images `width` px wide, scaled to 0 .. largest (at most 255), in vectors of `lanes`."""
     outside = np.full(planes.census.shape[3], largest, np.uint8)
     outside[planes.before:planes.before + width] = 0

@@ -68,7 +68,8 @@ def _padded_row(row: Image, mirrored: bool, margin: int, padded: Image) -> None:
 
 @kernel
 def _fill_row(near: Any, start: int, width: int, places: Any, planes: Any, to: int, pitch: int) -> None:
-    """Pointers: near to the window's rows, whose pixel 0 is at `start`; planes, where row 0 of nibbles begins at `to`."""
+    """Pointers: near to the window's rows, whose pixel 0 is at `start`; planes, where row 0 of nibbles begins at `to`.
+    """
     for x in range(0, width, _STEP):
         own = load_wide(near, start + x, _LANES)
         for k in range(NIBBLES):

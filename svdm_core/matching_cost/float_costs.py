@@ -44,8 +44,9 @@ def cost_scale(parameters: MatcherParameters) -> CostScale:
     tau_ad, tau_gm = parameters.tau_ad * INTENSITY, parameters.tau_gm * INTENSITY
     weight = parameters.census_weight * INTENSITY
     largest = tau_ad + parameters.alpha * tau_gm + weight
-    return CostScale(*map(np.float32, (tau_ad, tau_gm, parameters.alpha, weight / BITS, largest)),
-                     has_differences(parameters), parameters.census_weight > 0, parameters.min_disparity)
+    return CostScale(np.float32(tau_ad), np.float32(tau_gm), np.float32(parameters.alpha), np.float32(weight / BITS),
+                     np.float32(largest), has_differences(parameters), parameters.census_weight > 0,
+                     parameters.min_disparity)
 
 
 class NodeValues(NamedTuple):

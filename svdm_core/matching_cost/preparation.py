@@ -107,8 +107,9 @@ def images_of(left: Image, right: Image, found: IntensityRange, kept: PairImages
     else:
         levels, grey = kept.levels, (kept.left_grey, kept.right_grey)
     greys = (grey[0], grey[1]) if channels == 3 else (left, right)
-    numbers = map(np.float32, (*found, *found.levels(left.dtype)))
-    return PairImages(*views, *greys, levels, *numbers)
+    offset, gain, level_offset, level_gain, level_unit = map(np.float32, (*found, *found.levels(left.dtype)))
+    return PairImages(views[0], views[1], greys[0], greys[1], levels, offset, gain, level_offset, level_gain,
+                      level_unit)
 
 
 def smoothed_guide(image: Image, side: int) -> Image:

@@ -293,14 +293,17 @@ def signatures():
                for value in vars(module).values() if hasattr(value, "signatures")}
     return {f"{kernel.__name__}{signature}" for kernel in kernels.values() for signature in kernel.signatures}
 
-matcher = StereoMatcher(load_preset("paper"))
-matcher.warm_up()
+for name in preset_names():
+    StereoMatcher(load_preset(name)).warm_up()
 before = signatures()
+matcher = StereoMatcher()
 for shape in ((20, 30), (20, 30, 3)):
     for dtype in (np.uint8, np.uint16):
         for name in preset_names():
-            matcher.parameters = load_preset(name)
-            matcher.compute(noise(*shape, dtype=dtype), noise(*shape, dtype=dtype))
+            matcher.parameters = load_preset(name).replace(min_disparity=-9, num_disparities=60, alpha=1.0)
+            image = noise(*shape, dtype=dtype)
+            assert not matcher.not_compiled(image), name
+            matcher.compute(image, image)
 print(len(before) > 10, signatures() - before)'''
 
 

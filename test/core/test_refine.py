@@ -1,4 +1,4 @@
-"""Stage 4 alone, on what stages 1 to 3 gave."""
+"""Stage 4 alone, on what stages 1 to 3 gave; what the maps that come out are multiples of; what is compiled."""
 import numpy as np
 import pytest
 from scenes import noise
@@ -31,3 +31,27 @@ def test_only_parameters_of_stage_4_may_change():
     matcher.parameters = PARAMETERS.replace(alpha=2.0)
     with pytest.raises(ValueError, match=r'alpha = 2.0 is not allowed: it must be 10.7, with which'):
         matcher.refine(matched)
+
+
+@pytest.mark.parametrize(('changes', 'step'), [
+    ({}, 1 / 64), ({'final_median': 1}, 1 / 64), ({'subpixel': False}, 1), ({'num_disparities': 1}, 1),
+    ({'median_scope': 'all'}, 0), ({'min_disparity': -30, 'num_disparities': 40}, 1 / 64)])
+def test_disparities_are_multiples_of_the_step(changes, step):
+    result = StereoMatcher(PARAMETERS.replace(**changes)).compute(noise(30, 50), noise(30, 50, seed=1))
+    assert result.step == step
+    if step:
+        np.testing.assert_array_equal(result.disparity / np.float32(step) % 1, 0)
+    else:
+        assert (result.disparity * 64 % 1 != 0).any()
+
+
+def test_a_matcher_tells_what_is_not_compiled_until_it_has_matched_it():
+    matcher = StereoMatcher(PARAMETERS.replace(num_disparities=65, aggregation='box', w_p=5))
+    image = noise(8, 12, dtype=np.uint16)
+    assert matcher.not_compiled(image) == '16-bit grey images and 65 to 96 disparities'
+    matcher.compute(image, image)
+    assert matcher.not_compiled(image) == ''
+    matcher.parameters = matcher.parameters.replace(num_disparities=96, alpha=1.0, min_disparity=-50)
+    assert matcher.not_compiled(image) == ''
+    matcher.parameters = matcher.parameters.replace(num_disparities=97)
+    assert matcher.not_compiled(image) == '16-bit grey images and 97 to 128 disparities'

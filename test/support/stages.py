@@ -1,9 +1,9 @@
 """Stages 1 to 3 opened up, so that tests see the costs that are never stored as a whole."""
 import numpy as np
+from svdm_core.cost_aggregation.tree import ForestNodes
 
 from svdm_core.cost_aggregation import tree
 from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
-from svdm_core.cost_aggregation.tree import ForestNodes
 from svdm_core.disparity_optimization.winners import Winners
 from svdm_core.matching_cost.planes import BLOCK, INTENSITY, MatchingPlanes, cost_scale, cost_terms
 

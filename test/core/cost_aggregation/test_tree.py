@@ -3,9 +3,9 @@ import oracles
 import pytest
 from scenes import noise
 from stages import Stages
+from svdm_core.cost_aggregation.tree import edge_similarity
 
 from svdm_core import MatcherParameters
-from svdm_core.cost_aggregation.tree import edge_similarity
 
 
 @pytest.mark.parametrize(('sigma_tree', 'd_y'), [(0.1, 255), (0.1, 40), (0.5, 255), (0.02, 0)])

@@ -3,9 +3,9 @@ import oracles
 import pytest
 from scenes import noise
 from stages import Stages
+from svdm_core.cost_aggregation.tree import ForestNodes, aggregate_volume
 
 from svdm_core import MatcherParameters, StereoMatcher
-from svdm_core.cost_aggregation.tree import ForestNodes, aggregate_volume
 from svdm_core.disparity_optimization.penalties import fill_penalties, penalties_shape
 from svdm_core.disparity_optimization.semiglobal import (
     LARGEST,

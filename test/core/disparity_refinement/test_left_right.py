@@ -3,7 +3,6 @@ import oracles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import labels
-
 from svdm_core.disparity_refinement.left_right import left_right_check
 
 SHAPES = st.tuples(st.integers(1, 6), st.integers(1, 12))

@@ -25,8 +25,8 @@ def test_kept_stages_give_what_matching_anew_gives(preset, scenes, monkeypatch):
     compute, match = StereoMatcher.compute, StereoMatcher.match
     monkeypatch.setattr(StereoMatcher, 'match', lambda *arguments: matched.append(1) or match(*arguments))
     base = load_preset(preset).replace(num_disparities=16)
-    changes = [{}, {'w_p': 5}, {'final_median': 1}, {'sigma_s': 2.0, 'tau_lr': 0.0}, {'median_scope': 'all'}, {'sigma_c': 0.5},
-               {'median_guide': 'disparity', 'median_scope': 'all'}]
+    changes = [{}, {'w_p': 5}, {'final_median': 1}, {'sigma_s': 2.0, 'tau_lr': 0.0}, {'median_scope': 'all'},
+               {'sigma_c': 0.5}, {'median_guide': 'disparity', 'median_scope': 'all'}]
     for change in changes:
         for scene in scenes[:2]:
             got = reuse.disparity(scene.name, scene.left, scene.right, base.replace(**change))
