@@ -26,17 +26,21 @@ def gradient(grey, kind):
 
 
 def census(grey):
-    """uint64 (H, W): 62 bits, in reading order of a 9x7 window, 1 where the neighbour is darker; borders replicated."""
+    """uint8 (H, 9, W): 34 bits in reading order of a 7x5 window, four to a byte, 1 where the neighbour is darker;
+    borders replicated."""
     height, width = grey.shape
-    result = np.empty(grey.shape, np.uint64)
+    result = np.zeros((height, 9, width), np.uint8)
+    offsets = [(i, j) for i, j in itertools.product(range(-2, 3), range(-3, 4)) if (i, j) != (0, 0)]
     for y, x in np.ndindex(*grey.shape):
-        bits = 0
-        for i, j in itertools.product(range(-3, 4), range(-4, 5)):
-            if (i, j) != (0, 0):
-                neighbour = grey[min(max(y + i, 0), height - 1), min(max(x + j, 0), width - 1)]
-                bits = 2 * bits + int(neighbour < grey[y, x])
-        result[y, x] = bits
+        for bit, (i, j) in enumerate(offsets):
+            neighbour = grey[min(max(y + i, 0), height - 1), min(max(x + j, 0), width - 1)]
+            result[y, bit // 4, x] |= int(neighbour < grey[y, x]) << bit % 4
     return result
+
+
+def differing(census_left, census_right, y, x, partner):
+    """Bits of the census of pixel (y, x) that differ from its partner's."""
+    return int(np.bitwise_count(census_left[y, :, x] ^ census_right[y, :, partner]).sum())
 
 
 def matching_cost(left, right, gradient_left, gradient_right, census_left, census_right, parameters):
@@ -47,13 +51,38 @@ def matching_cost(left, right, gradient_left, gradient_right, census_left, censu
     cost = np.full((height, width, parameters.num_disparities), largest)
     for y, x, j in np.ndindex(*cost.shape):
         partner = x - parameters.min_disparity - j
-        if partner >= 0:
+        if 0 <= partner < width:
             ad = np.abs(a[y, x] - b[y, partner]).mean()
             gm = abs(gradient_left[y, x] - gradient_right[y, partner])
             cost[y, x, j] = min(ad, parameters.tau_ad) + parameters.alpha * min(gm, parameters.tau_gm)
-            differing = bin(int(census_left[y, x]) ^ int(census_right[y, partner])).count('1')
-            cost[y, x, j] += parameters.census_weight * differing / 62
+            bits = differing(census_left, census_right, y, x, partner)
+            cost[y, x, j] += parameters.census_weight * bits / 34
     return cost
+
+
+def byte_cost(own, other, own_census, other_census, costs, lanes, largest):
+    """Costs of one view (H, W, lanes) as `byte_costs` defines them, in exact integers.
+
+    own, other: int (C + 1, H, W), values of both views in their own direction; costs: the numbers of `ByteCosts`.
+    """
+    own, other = own.astype(int), other.astype(int)
+    height, _, width = own_census.shape if costs.bit else own[0, :, None].shape
+    result = np.full((height, width, lanes), largest)
+    within = int((costs.behind == 0).sum())
+    for y, x, d in np.ndindex(height, width, within):
+        partner = x - costs.start - d
+        if not 0 <= partner < width:
+            continue
+        total = int(costs.bit) * differing(own_census, other_census, y, x, partner) if costs.bit else 0
+        if costs.has_differences:
+            apart = np.abs(own[:, y, x] - other[:, y, partner])
+            colour = apart[0] if len(apart) == 2 else (apart[:3] * 21846 >> 16).sum()
+            for difference, tau, widen, weight in (
+                    (colour, costs.tau_ad, costs.widen_ad, costs.weight_ad),
+                    (apart[-1], costs.tau_gm, costs.widen_gm, costs.weight_gm)):
+                total += min(int(difference), int(tau)) * int(widen) * int(weight) >> 16
+        result[y, x, d] = total + 64 >> 7
+    return result
 
 
 def grid_edges(guide):
@@ -94,20 +123,23 @@ def support(parent, weight, sigma_tree, d_y):
     return np.exp(-distance / (255 * sigma_tree))
 
 
-def box_sum(volume):
-    """Sum of each pixel's 3x3 neighbours in a volume (H, W, D), the borders replicated."""
+def box_bytes(volume):
+    """Sum of each pixel's 3x3 neighbours in a volume (H, W, D), the borders replicated; cut off at 255, a quarter."""
     height, width = volume.shape[:2]
     total = np.zeros_like(volume)
     for y, x in np.ndindex(height, width):
         for i, j in itertools.product((-1, 0, 1), repeat=2):
             total[y, x] += volume[min(max(y + i, 0), height - 1), min(max(x + j, 0), width - 1)]
-    return total
+    return np.minimum(total + 2, 255) // 4
 
 
 def path_costs(volume, step, p1, p2):
-    """L of one direction over a volume (H, W, D): the pixel before (y, x) is (y, x) - step; p2(before, here)."""
+    """L of one direction over a volume (H, W, D) of bytes, cut off at 255: the pixel before (y, x) is (y, x) - step.
+
+    p2: int (H, W), of the step to each pixel from the left or from above, whichever way it is taken.
+    """
     height, width, disparities = volume.shape
-    costs = np.zeros_like(volume)
+    costs = np.zeros(volume.shape, int)
     rows = range(height) if step[0] >= 0 else range(height - 1, -1, -1)
     columns = range(width) if step[1] >= 0 else range(width - 1, -1, -1)
     for y, x in itertools.product(rows, columns):
@@ -115,23 +147,42 @@ def path_costs(volume, step, p1, p2):
         if not (0 <= before[0] < height and 0 <= before[1] < width):
             costs[y, x] = volume[y, x]
             continue
-        last = costs[before]
+        last, jump = costs[before], p2[max(y, before[0]), max(x, before[1])]
         for d in range(disparities):
-            ways = [last[d], last.min() + p2(before, (y, x))]
-            ways += [last[other] + p1 for other in (d - 1, d + 1) if 0 <= other < disparities]
-            costs[y, x, d] = volume[y, x, d] + min(ways) - last.min()
+            ways = [last[d], min(last.min() + jump, 255)]
+            ways += [min(last[other] + p1, 255) for other in (d - 1, d + 1) if 0 <= other < disparities]
+            costs[y, x, d] = min(volume[y, x, d] + min(ways) - last.min(), 255)
     return costs
 
 
-def jump_penalty(image, p1, p2, p2_edge):
-    """p2(before, here) for `path_costs`: smaller where the largest channel difference is large, p1 at least."""
+def path_sums(volume, p1, across, down, paths):
+    """Three paths added up, or two means of two, cut off at 255."""
+    left, right, above, below = (path_costs(volume, step, p1, p2) for step, p2 in (
+        ((0, 1), across), ((0, -1), across), ((1, 0), down), ((-1, 0), down)))
+    if paths == 3:
+        return np.minimum(np.minimum(left + right, 255) + above, 255)
+    return np.minimum((left + right + 1) // 2 + (above + below + 1) // 2, 255)
+
+
+def stripe_sums(volume, p1, across, down, paths, size, overlap):
+    """`path_sums` by stripes of `size` rows, whose vertical paths begin `overlap` rows outside."""
+    height = len(volume)
+    result = []
+    for first in range(0, height, size):
+        last = min(first + size, height)
+        low, high = max(0, first - overlap), min(height, last + overlap) if paths == 4 else last
+        rows = slice(low, high)
+        result.append(path_sums(volume[rows], p1, across[rows], down[rows], paths)[first - low:last - low])
+    return np.concatenate(result)
+
+
+def edges(image):
+    """(across, down), int (H, W): the largest channel difference to the pixel on the left and above, 0 at the border."""
     planes = image.reshape(*image.shape[:2], -1).astype(int)
-
-    def penalty(before, here):
-        edge = np.abs(planes[before] - planes[here]).max()
-        return max(round(p2 / (1 + edge / p2_edge)), p1)
-
-    return penalty
+    across, down = np.zeros((2, *image.shape[:2]), int)
+    across[:, 1:] = np.abs(planes[:, 1:] - planes[:, :-1]).max(axis=2)
+    down[1:] = np.abs(planes[1:] - planes[:-1]).max(axis=2)
+    return across, down
 
 
 def symmetric_v(below, best, above):
@@ -147,7 +198,8 @@ def left_right_check(left, right, min_disparity, tau_lr):
     valid = np.zeros(left.shape, bool)
     for y, x in np.ndindex(*left.shape):
         partner = x - (left[y, x] + min_disparity)
-        valid[y, x] = partner >= 0 and abs(int(left[y, x]) - int(right[y, partner])) <= tau_lr
+        inside = 0 <= partner < left.shape[1]
+        valid[y, x] = inside and abs(int(left[y, x]) - int(right[y, partner])) <= tau_lr
     return valid
 
 

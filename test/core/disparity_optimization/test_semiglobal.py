@@ -1,156 +1,115 @@
+import cv2
 import numpy as np
 import oracles
 import pytest
 from scenes import noise
-from stages import Stages
-from svdm_core.cost_aggregation.tree import ForestNodes, aggregate_volume
+from stages import ByteStage, run, task_phase
 
 from svdm_core import MatcherParameters, StereoMatcher
-from svdm_core.disparity_optimization.penalties import fill_penalties, penalties_shape
-from svdm_core.disparity_optimization.semiglobal import (
-    LARGEST,
-    cost_factor,
-    padded,
-    scaled_penalties,
-    scratch_size,
-    semiglobal_winners,
-)
-from svdm_core.kernels.arrays import aligned_zeros
-from svdm_core.matching_cost.planes import BLOCK, INTENSITY, MatchingPlanes
+from svdm_core.cost_aggregation.box import PIXEL_COST
+from svdm_core.disparity_optimization.penalties import Penalties
+from svdm_core.disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
+from svdm_core.kernels.stripes import OVERLAP, STRIPE, rows_of, stripe_count
 
-STEPS = ((0, 1), (0, -1), (1, 0), (-1, 0))  # from the left, the right, above and below
+P1 = 5, 9  # of the left view, of the right one
 
 
-def penalties_of(left, right, parameters):
-    penalties = np.full(penalties_shape(*left.shape[:2]), 7, np.uint16)  # what has no meaning must not matter
-    fill_penalties(left, right, *scaled_penalties(parameters), parameters.p2_edge, penalties)
-    return penalties
+class Smoothing:
+    """`smooth_stripes` of a pair with random penalties, and what the oracle makes of the same costs."""
 
+    def __init__(self, shape, count, every, stored, colour=False):
+        rng = np.random.default_rng(shape[0])
+        self.rows, self.count = (rows_of(shape, 1), rows_of(shape, every)), count
+        image = (*shape, 3) if colour else shape
+        parameters = MatcherParameters(num_disparities=count, min_disparity=-1, tau_ad=0.0, alpha=0.0)
+        self.stage = ByteStage(noise(*image) // 64, noise(*image, seed=1) // 64, parameters, PIXEL_COST)
+        self.volumes = [self._boxes(view) if view not in stored else
+                        rng.integers(0, 65, (rows.height, rows.width, self.stage.width))
+                        for view, rows in enumerate(self.rows)]
+        self.stored = [volume.astype(np.uint8).reshape(-1) if view in stored else np.zeros(0, np.uint8)
+                       for view, volume in enumerate(self.volumes)]
+        self.across, self.down = rng.integers(9, 90, (2, 2, (shape[0] + 2) * shape[1])).astype(np.uint8)
 
-def smooth(stages, parameters, volume, paths, pair=None):
-    """`semiglobal_winners` over a volume (2, H, W, D), or over boxes without one; `pair` for its edges."""
-    height, width = stages.shape
-    stride = padded(parameters.num_disparities)
-    empty = np.zeros((2, 0), np.uint16)
-    stored = empty
-    if volume is not None:
-        stored = np.full((2, height, width, stride), volume.max(), np.uint16)
-        stored[..., :volume.shape[3]] = volume
-        stored = stored.reshape(2, -1)
-    below = np.full((2, height * width * stride), 7, np.uint16) if paths == 4 else empty
-    scratch = aligned_zeros((2, scratch_size(width, parameters.num_disparities)), np.uint16)
-    scratch[:] = 999  # what was there before must not matter
-    penalties = penalties_of(*(pair or [np.zeros(stages.shape, np.uint8)] * 2), parameters)
-    return semiglobal_winners(stages.nodes, stages.planes, parameters, stages.shape, stored, below, scratch, penalties)
+    def _boxes(self, view):
+        before, rows = self.stage.planes.before, self.rows[view]
+        census = self.stage.planes.census[:, rows.offset::rows.every, :, before:before + rows.width]
+        none = np.zeros((1, rows.height, rows.width))
+        return oracles.box_bytes(oracles.byte_cost(none, none, census[view], census[1 - view][..., ::-1],
+                                                   self.stage.costs, self.stage.width, PIXEL_COST))
+
+    def found(self, paths, threads=1):
+        left, right = self.rows
+        lanes = self.stage.lanes
+        barrier = np.where(np.arange(self.stage.width) < self.count, 0, 255).astype(np.uint8)
+        winners = StripeWinners(np.zeros((left.height, left.width), np.int16),
+                                np.zeros((right.height, left.width), np.int16),
+                                np.full((left.height, left.width), 9, np.float32), barrier, self.count)
+        table = np.zeros(256, np.uint8)
+        penalties = Penalties(*map(np.uint8, P1), table, table, self.across, self.down)
+        views = Views(left.height, right.height, left.width, right.every, paths, *self.stored)
+        run(task_phase(stripe_count(left) + stripe_count(right), smooth_stripes, self.stage.costs, penalties, views,
+                       winners, lanes, scratch=scratch_size(left.width, self.stage.width, paths)), threads=threads)
+        return winners
+
+    def sums(self, view, paths):
+        rows = self.rows[view]
+        across, down = (part[view, :rows.height * rows.width].reshape(rows.height, -1).astype(int)
+                        for part in (self.across, self.down))
+        return oracles.stripe_sums(self.volumes[view], P1[view], across, down, paths, STRIPE // rows.every,
+                                   OVERLAP // rows.every)
 
 
 @pytest.mark.parametrize('paths', [3, 4])
-@pytest.mark.parametrize(('shape', 'disparities', 'p2_edge'), [
-    ((1, 1), 1, 9.0), ((1, 9), 5, 9.0), ((8, 1), 3, 9.0), ((5, 7), 32, 0.0), ((6, 5), 33, 40.0), ((9, 8), 40, 9.0),
-    ((4, 6), 70, 1000.0), ((5, 7, 3), 20, 25.0),
+@pytest.mark.parametrize('stored', [(), (0, 1), (0,)])
+@pytest.mark.parametrize(('shape', 'count', 'every'), [
+    ((1, 1), 1, 2), ((1, 9), 33, 2), ((6, 1), 5, 1), ((11, 7), 32, 1), ((5, 6), 33, 2), ((131, 2), 9, 4),
+    ((62, 3), 32, 2),
 ])
-def test_winners_and_vertices_are_those_of_the_summed_paths(shape, disparities, p2_edge, paths):
-    parameters = MatcherParameters(num_disparities=disparities, p1=0.02, p2=0.12, p2_edge=p2_edge, paths=paths)
-    pair = noise(*shape), noise(*shape, seed=1)
-    shape = shape[:2]
-    stages = Stages(*pair, parameters)
-    volume = np.random.default_rng(disparities).integers(0, 300, (2, *shape, disparities)) * 20
-    winner, vertex = smooth(stages, parameters, volume, paths, pair)
-
-    unit = cost_factor(parameters) * INTENSITY
-    p1, p2 = round(0.02 * unit), round(0.12 * unit)
-    for view, image in enumerate((pair[0], pair[1][:, ::-1])):
-        jump = oracles.jump_penalty(image, p1, p2, p2_edge) if p2_edge else lambda _before, _here: p2
-        total = sum(oracles.path_costs(volume[view], step, p1, jump) for step in STEPS[:paths])
-        np.testing.assert_array_equal(winner[view], total.argmin(axis=2))
+def test_winners_and_vertices_are_those_of_the_summed_paths(shape, count, every, stored, paths):
+    smoothing = Smoothing(shape, count, every, stored)
+    winners = smoothing.found(paths, threads=2)
+    for view, winner in enumerate((winners.left, winners.right)):
+        total = smoothing.sums(view, paths)
+        np.testing.assert_array_equal(winner, total[..., :count].argmin(axis=2))
         if view == 0:
-            for (y, x), d in np.ndenumerate(winner[0]):
-                inside = 0 < d < disparities - 1
+            for (y, x), d in np.ndenumerate(winner):
+                inside = 0 < d < count - 1
                 expected = oracles.symmetric_v(*total[y, x, d - 1:d + 2]) if inside else 0.0
-                assert vertex[y, x] == pytest.approx(expected, abs=1e-6)
+                assert winners.vertex[y, x] == pytest.approx(expected, abs=1e-6)
 
 
-CENSUS_ONLY = {'tau_ad': 0.0, 'alpha': 0.0}
-
-
-@pytest.mark.parametrize('costs', [
-    {'census_weight': 0.2, 'tau_ad': 0.1}, {'census_weight': 0.3, **CENSUS_ONLY},
-    {'census_weight': 0.01, 'p2': 0.5, **CENSUS_ONLY},  # a bit is less than one unit of the path costs
-])
-@pytest.mark.parametrize('disparities', [1, 20, 40])
-@pytest.mark.parametrize('shape', [(1, 1), (1, 12), (3, 2), (9, 30)])
-def test_sums_of_boxes_match_the_oracle_and_both_ways_to_them_agree(shape, disparities, costs):
-    parameters = MatcherParameters(num_disparities=disparities, aggregation='box', min_disparity=1,
-                                   **{'p1': 0.02, 'p2': 0.1, **costs})
-    left, right = noise(*shape) // 8, noise(*shape, seed=1) // 8
-    cost = Stages(left, right, parameters, isolated=True).volume().astype(float)
-    factor = cost_factor(parameters) * INTENSITY
-    stages = Stages(left, right, parameters)
-    stages.planes = MatchingPlanes.empty(left.shape, 1 + padded(disparities), True)
-    stages.planes.fill(left, right, 'horizontal')
-    stages.nodes = ForestNodes.empty(stages.planes, stages.nodes_count)
-    stages.nodes.gather_pixels(stages.planes, shape[1])
-
-    directly = smooth(stages, parameters, None, 3)
-    volume = np.stack([oracles.box_sum(np.floor(view * factor + 0.5)) for view in cost])
-    from_volume = smooth(stages, parameters.replace(aggregation='tree'), volume.astype(np.uint16), 3)
-    # a cost that float32 rounds the other way may turn a tie; nothing else may differ
-    assert (directly[0] != from_volume[0]).mean() < 0.02
-
-    stored = np.zeros((2, stages.nodes_count * padded(disparities)), np.uint16)
-    scratch = aligned_zeros((2, scratch_size(shape[1], disparities)), np.uint16)
-    flat = penalties_of(left * 0, right * 0, parameters)
-    filled = semiglobal_winners(stages.nodes, stages.planes, parameters, shape, stored, stored[:, :0], scratch, flat)
-    np.testing.assert_array_equal(filled[0], directly[0])
-    np.testing.assert_array_equal(filled[1], directly[1])
-    sums = stored.reshape(2, *shape, -1)[..., :disparities].astype(int)
-    np.testing.assert_allclose(sums, volume, atol=1)
-    assert sums.max() + scaled_penalties(parameters)[1] <= LARGEST  # four such sums fit into 16 bits
-
-
-def test_the_volume_after_the_tree_is_divided_by_the_support_and_scaled():
-    parameters = MatcherParameters(num_disparities=20, p2=0.3, tau_ad=0.5, census_weight=0.0)
-    left, right = noise(5, 25), noise(5, 25, seed=1)
-    stages = Stages(left, right, parameters, slots=2)
-    ones = np.stack([oracles.support(stages.trees.parent[view], stages.trees.weight[view], parameters.sigma_tree,
-                                     parameters.d_y).sum(axis=1) for view in range(2)])
-    by_pixel = np.empty_like(ones)
-    for view in range(2):
-        by_pixel[view, stages.trees.pixel[view]] = ones[view]
-    expected = stages.volume() * INTENSITY * cost_factor(parameters) / by_pixel.reshape(2, 5, 25, 1)
-
-    stride = padded(20)
-    volume = np.zeros((2, 125 * stride), np.uint16)
-    scratch = np.zeros((2, stages.slots, 125 * BLOCK), np.float32)
-    stages.planes = MatchingPlanes.empty(left.shape, stride, False)
-    stages.planes.fill(left, right, 'horizontal')
-    stages.nodes = ForestNodes.empty(stages.planes, 125)
-    stages.nodes.gather(stages.trees, stages.planes, 25, parameters)
-    aggregate_volume(stages.trees, stages.nodes, stages.planes, parameters, scratch, cost_factor(parameters), stride,
-                     volume)
-    volume = volume.reshape(2, 5, 25, stride)
-    np.testing.assert_allclose(volume[..., :20], expected, atol=0.6)
-    assert (volume[..., 20:] == volume[..., 20:].max()).all() and volume[..., 20:].min() >= volume[..., :20].max()
+def test_a_colour_image_has_the_boxes_of_its_grey_one():
+    smoothing = Smoothing((9, 8), 32, 1, (), colour=True)
+    np.testing.assert_array_equal(smoothing.found(3).right, smoothing.sums(1, 3).argmin(axis=2))
 
 
 @pytest.mark.parametrize('aggregation', ['tree', 'box'])
-def test_without_p2_smoothing_changes_nothing(aggregation):
-    """P2 = 0 makes every path cost the matching cost: with boxes the winner is that of the 3x3 sums."""
-    left, right = noise(8, 40), noise(8, 40, seed=1)
-    parameters = MatcherParameters(num_disparities=12, aggregation=aggregation, p1=5.0, p2=0.0, subpixel=False)
-    results = [StereoMatcher(parameters.replace(paths=paths)).compute(left, right) for paths in (3, 4)]
-    np.testing.assert_array_equal(results[0].disparity, results[1].disparity)
-
-
-def test_smoothing_takes_specks_away_and_keeps_a_wall():
+def test_a_wall_is_kept_and_specks_are_taken_away(aggregation):
     rng = np.random.default_rng(3)
     wall = np.tile(np.arange(120) * 3 % 97, (40, 1)).astype(np.uint8) + rng.integers(0, 20, (40, 120)).astype(np.uint8)
     left, right = wall[:, :100], wall[:, 6:106]
     right = np.clip(right + rng.integers(-15, 16, right.shape), 0, 255).astype(np.uint8)
     off = []
-    for p2 in (0.0, 0.3):
-        parameters = MatcherParameters(num_disparities=20, aggregation='box', census_weight=0.3, tau_ad=0.0, alpha=0.0,
-                                       p1=0.05, p2=p2, w_p=1, final_median=1)
+    for p2 in (0.001, 0.3):
+        parameters = MatcherParameters(num_disparities=20, aggregation=aggregation, census_weight=0.3, tau_ad=0.0,
+                                       alpha=0.0, p1=0.05, p2=p2, w_p=1, final_median=1)
         disparity = StereoMatcher(parameters).compute(left, right).disparity[:, 8:]
         off.append((np.abs(disparity - 6) > 1).mean())
     assert off[1] < 0.2 * off[0] and off[0] > 0.02
+
+
+def test_without_p2_boxes_win_by_their_sums_however_many_paths_there_are():
+    """P2 = 0 makes every path cost the matching cost."""
+    left, right = (cv2.GaussianBlur(noise(8, 40, seed=seed), (3, 3), 0) for seed in (0, 1))
+    parameters = MatcherParameters(num_disparities=12, aggregation='box', p1=5.0, p2=0.0, subpixel=False, tau_ad=0.0,
+                                   alpha=0.0, w_p=1, final_median=1, tau_lr=1024.0)
+    stage = ByteStage(left, right, parameters, PIXEL_COST)
+    before = stage.planes.before
+    none = np.zeros((1, 8, 40))
+    census = stage.planes.census[..., before:before + 40]
+    boxes = oracles.box_bytes(oracles.byte_cost(none, none, census[0], census[1][..., ::-1], stage.costs, 32, 34))
+    for paths, most in ((3, 85), (4, 127)):  # what three and half of four can be without a cut
+        result = StereoMatcher(parameters.replace(paths=paths)).compute(left, right)
+        certain = result.valid & (boxes[..., :12].min(axis=2) < most)
+        assert certain.mean() > 0.5
+        np.testing.assert_array_equal(result.disparity[certain], boxes[..., :12].argmin(axis=2)[certain])
