@@ -13,7 +13,7 @@ from checkout import CHECKOUT
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
-from svdm_core import MatcherParameters, StereoMatcher, load_preset, preset_names
+from svdm_core import MatcherParameters, StereoMatcher
 from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
