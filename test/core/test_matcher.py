@@ -20,7 +20,8 @@ SMALL = MatcherParameters(num_disparities=20, w_p=7)
 BOX = {'aggregation': 'box', 'paths': 3}
 
 # The paper's stages.
-LITERAL = {'intensity_range': 'full', 'tau_ad': 7 / 255, 'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1, 'final_median': 1}
+LITERAL = {'intensity_range': 'full', 'tau_ad': 7 / 255, 'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1,
+           'final_median': 1}
 
 
 def match(left, right, parameters=SMALL, threads=0):
