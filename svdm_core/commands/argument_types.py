@@ -6,7 +6,6 @@ import contextlib
 import math
 from collections.abc import Callable
 
-
 MOST_THREADS = 1024  # to think of; no machine need have them
 
 
