@@ -94,8 +94,8 @@ def measure_model(
     """The model of one set of parameters, and the measured times of those `threads` that this machine has.
 
     phases: stage, entry_ms, shared_entry_ms, tasks_ms of each. serial_ms. rows: threads, ms, speed_up, and measured_ms
-    and difference_percent of the model from it (wall time), None where there are fewer processors. waited_percent: as in
-    the benchmark, over the measured frames on one thread.
+    and difference_percent of the model from it (wall time), None where there are fewer processors. waited_percent: as
+    in the benchmark, over the measured frames on one thread.
     """
     most = processor_count()
     frames = _Frames(pair, parameters, {1, *(count for count in threads if count <= most)}, most)
