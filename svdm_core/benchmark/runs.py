@@ -78,9 +78,9 @@ def run_benchmark(
 
     median_ms, low_ms and high_ms (quartiles), mde_per_s (million disparities evaluated a second: width x height x
     num_disparities over the time), mde_per_s_core (the same by the threads that it can use), work (the paths and
-    matched views that an evaluated disparity stands for), stages_ms (medians, own matchers), extra_mb (peak memory
-    above that of a tiny image, in a process of its own), and where there is
-    ground truth avgerr, bad1, bad2, bad4 of the dense map (px of these images, %), over all known pixels.
+    matched views that a disparity stands for), stages_ms (medians, own matchers), extra_mb (peak memory above that of
+    a tiny image, in a process of its own), and where there is ground truth avgerr, bad1, bad2, bad4 of the dense map
+    (px of these images, %), over all known pixels.
     waited_percent: of their time that its threads waited for a processor, None where the system does not tell.
 
     Raises ValueError for images too small for OpenCV, or too large for the memory.

@@ -113,7 +113,7 @@ def _check(options: argparse.Namespace, names: list[str]) -> None:
     from ..benchmark import report
 
     pictures = [path for path in (options.png, options.plot) if path is not None]
-    check_outputs([*pictures, *([options.json] if options.json is not None else [])], options.force)
+    check_outputs([*([options.json] if options.json is not None else []), *pictures], options.force)
     if options.png is not None and options.pair:
         raise ValueError('--png needs a pair with ground truth: leave out --pair')
     if options.plot is not None and not options.model_threads:

@@ -23,6 +23,7 @@ def test_every_contender_is_timed_and_judged():
     for name, value in figures.items():
         assert 0 < value['low_ms'] <= value['median_ms'] <= value['high_ms']
         assert value['mde_per_s'] == pytest.approx(48 * 100 * 16 / 1e3 / value['median_ms'])
+        assert value['mde_per_s_core'] == pytest.approx(value['mde_per_s'])
         assert value['bad2'] < 40  # BM has no answer near the border
         assert bool(value['stages_ms']) == name.startswith('svdm-')
     ratio = ratios(figures)
