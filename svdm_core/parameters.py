@@ -136,7 +136,7 @@ class MatcherParameters:
         2 / 255, 'truncation of the gradient difference (eq 7), intensities on 0..1', minimum=0.0, maximum=1.0,
         stage='matching_cost')
     census_weight: float = _parameter(
-        0.5, 'weight of the census distance, the share of 9x7 neighbours that differ in order; 0 is off',
+        0.5, 'weight of the census distance, the share of 7x5 neighbours that differ in order; 0 is off',
         minimum=0.0, maximum=1000.0, stage='matching_cost')
     aggregation: str = _parameter(
         'tree', 'support of a pixel: ', registry=AGGREGATIONS, stage='cost_aggregation')
