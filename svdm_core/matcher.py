@@ -21,9 +21,12 @@ from .stripe_route import StripeRoute
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
 _KERNELS = threading.Lock()
 
-# Settings that between them run every kernel.
-_ALL_STAGES: tuple[dict[str, Any], ...] = (
-    {'p2': 0.0, 'median_scope': 'all'}, {}, {'aggregation': 'box', 'paths': 3}, {'aggregation': 'box', 'paths': 4})
+# Settings that between them run every kernel, whatever the others are; median windows in vectors of each width.
+_ALL_STAGES: tuple[dict[str, Any], ...] = tuple(
+    {'aggregation': aggregation, 'p2': p2, 'paths': paths, 'median_scope': scope, 'median_guide': 'image', **window}
+    for aggregation, p2, paths, scope, window in (
+        ('tree', 0.0, 4, 'all', {}), ('tree', 1.0, 4, 'filled', {}), ('box', 1.0, 3, 'filled', {'w_p': 11}),
+        ('box', 1.0, 4, 'filled', {'w_p': 41}), ('box', 1.0, 3, 'filled', {'w_p': 21})))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

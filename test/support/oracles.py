@@ -177,7 +177,7 @@ def stripe_sums(volume, p1, across, down, paths, size, overlap):
 
 
 def edges(image):
-    """(across, down), int (H, W): the largest channel difference to the pixel on the left and above, 0 at the border."""
+    """(across, down), int (H, W): largest channel difference to the pixel on the left and above, 0 at the border."""
     planes = image.reshape(*image.shape[:2], -1).astype(int)
     across, down = np.zeros((2, *image.shape[:2]), int)
     across[:, 1:] = np.abs(planes[:, 1:] - planes[:, :-1]).max(axis=2)
