@@ -17,10 +17,11 @@ import numpy as np
 
 from ..kernels.arrays import Float32, Int32, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
+from ..kernels.instructions import multiply_high
 from ..kernels.stripes import STRIPE, Rows, stripe_count, stripe_rows
 from ..kernels.tasks import take
 from ..kernels.vectors import pointer
-from ..kernels.wide import load_wide, multiply_high, narrow_wide, shift_right, splat_wide, store_wide, widen
+from ..kernels.wide import load_wide, narrow_wide, shift_right, splat_wide, store_wide, widen
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
 from ..matching_cost.edges import Edges
 from ..parameters import MatcherParameters

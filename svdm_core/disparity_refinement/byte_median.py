@@ -12,6 +12,7 @@ import numpy as np
 
 from ..kernels.arrays import Bool, Float32, Int16, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
+from ..kernels.instructions import multiply_high
 from ..kernels.tasks import take
 from ..kernels.vectors import pointer
 from ..kernels.wide import (
@@ -21,7 +22,6 @@ from ..kernels.wide import (
     load_wide,
     maximum_wide,
     minimum_wide,
-    multiply_high,
     narrow_wide,
     shift_right,
     splat_wide,

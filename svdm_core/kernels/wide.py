@@ -25,8 +25,6 @@ nothing else."""
 _STEP = 32
 """Search ranges are filled up to a multiple of this many disparities."""
 
-_NIBBLE_DISTANCES = [(a ^ b).bit_count() for a in range(16) for b in range(16)]
-
 Lanes = tuple[int, ...]
 
 
@@ -62,7 +60,7 @@ class _WideModel(models.PrimitiveModel):
         super().__init__(manager, wide, wide.as_llvm())
 
 
-def _intrinsic(generator: Callable[..., Any]) -> Any:
+def wide_intrinsic(generator: Callable[..., Any]) -> Any:
     """numba's decorator, typed. Numbers written in the kernel arrive as literals."""
     return intrinsic(prefer_literal=True)(generator)
 
@@ -71,11 +69,11 @@ def _width(lanes: Any) -> int:
     return UNIT * int(lanes.count)
 
 
-def _split(builder: Any, value: Any, wide: Wide) -> list[Any]:
+def split(builder: Any, value: Any, wide: Wide) -> list[Any]:
     return [builder.extract_value(value, k) for k in range(wide.pieces)]
 
 
-def _join(builder: Any, pieces: list[Any], wide: Wide) -> Any:
+def join(builder: Any, pieces: list[Any], wide: Wide) -> Any:
     whole = ir.Constant(wide.as_llvm(), ir.Undefined)
     for k, piece in enumerate(pieces):
         whole = builder.insert_value(whole, piece, k)
@@ -100,42 +98,42 @@ def loaded(context: Any, builder: Any, elements: Any, start: Any, offset: int, w
     return builder.load(_places(wide, elements, at, context, builder, types.intp)[0], align=1)
 
 
-@_intrinsic
+@wide_intrinsic
 def load_wide(_: Any, elements: Any, index: Any, lanes: Any) -> Any:
     """The elements from `index` on."""
     wide = Wide(elements.dtype, _width(lanes))
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         places = _places(wide, arguments[0], arguments[1], context, builder, signature.args[1])
-        return _join(builder, [builder.load(place, align=1) for place in places], wide)
+        return join(builder, [builder.load(place, align=1) for place in places], wide)
 
     return wide(elements, index, lanes), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def store_wide(_: Any, elements: Any, index: Any, value: Any) -> Any:
     """Write `value` to the elements from `index` on."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         places = _places(value, arguments[0], arguments[1], context, builder, signature.args[1])
-        for place, piece in zip(places, _split(builder, arguments[2], value), strict=True):
+        for place, piece in zip(places, split(builder, arguments[2], value), strict=True):
             builder.store(piece, place, align=1)
         return context.get_dummy_value()
 
     return types.void(elements, index, value), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def splat_wide(_: Any, value: Any, lanes: Any) -> Any:
     """One number in all lanes."""
     wide = Wide(types.unliteral(value), _width(lanes))
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _join(builder, [_repeat(builder, arguments[0], wide)] * wide.pieces, wide)
+        return join(builder, [repeat(builder, arguments[0], wide)] * wide.pieces, wide)
 
     return wide(value, lanes), generate
 
 
-def _repeat(builder: Any, value: Any, wide: Wide) -> Any:
+def repeat(builder: Any, value: Any, wide: Wide) -> Any:
     nothing = ir.Constant(wide.piece_type(), ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), wide.piece),
@@ -144,11 +142,11 @@ def _repeat(builder: Any, value: Any, wide: Wide) -> Any:
 
 def _lanewise(meaning: str, instruction: Callable[[Any, Wide, Any, Any], Any]) -> Any:
     """An intrinsic f(a, b) of two vectors of one type, piece by piece."""
-    @_intrinsic
+    @wide_intrinsic
     def lanewise(_: Any, a: Any, b: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            pairs = zip(*(_split(builder, value, a) for value in arguments), strict=True)
-            return _join(builder, [instruction(builder, a, *pair) for pair in pairs], a)
+            pairs = zip(*(split(builder, value, a) for value in arguments), strict=True)
+            return join(builder, [instruction(builder, a, *pair) for pair in pairs], a)
 
         return a(a, b), generate
 
@@ -196,108 +194,67 @@ for _symbol, _instruction in ((operator.add, 'add'), (operator.sub, 'sub'), (ope
     _overload_operator(_symbol, _instruction)
 
 
-@_intrinsic
-def multiply_high(_: Any, a: Any, b: Any) -> Any:
-    """The upper half of the products of uint16 lanes."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        product = _high_product_avx2 if 'avx2' in _processor(context) else _high_product
-        pairs = zip(*(_split(builder, value, a) for value in arguments), strict=True)
-        return _join(builder, [product(builder, *pair) for pair in pairs], a)
-
-    return a(a, b), generate
-
-
-def _high_product(builder: Any, a: Any, b: Any) -> Any:
-    double = ir.VectorType(ir.IntType(32), a.type.count)
-    product = builder.mul(builder.zext(a, double), builder.zext(b, double))
-    return builder.trunc(builder.lshr(product, ir.Constant(double, [16] * a.type.count)), a.type)
-
-
-def _high_product_avx2(builder: Any, a: Any, b: Any) -> Any:
-    """The instruction by name: LLVM makes 32-bit products, ten times slower, of several multiplications in a row."""
-    register = ir.VectorType(ir.IntType(16), 16)
-    multiply = cgutils.get_or_insert_function(builder.module, ir.FunctionType(register, [register, register]),
-                                              'llvm.x86.avx2.pmulhu.w')
-    parts = [builder.call(multiply, [_lanes_of(builder, value, start, 16) for value in (a, b)])
-             for start in range(0, a.type.count, 16)]
-    while len(parts) > 1:
-        parts = [_joined(builder, *pair) for pair in zip(parts[::2], parts[1::2], strict=True)]
-    return parts[0]
-
-
-def _lanes_of(builder: Any, vector: Any, start: int, count: int) -> Any:
-    """Lanes start .. start + count - 1 of a vector."""
-    lanes = ir.Constant(ir.VectorType(ir.IntType(32), count), [*range(start, start + count)])
-    return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), lanes)
-
-
-def _joined(builder: Any, low: Any, high: Any) -> Any:
-    """Two vectors behind each other."""
-    count = 2 * low.type.count
-    return builder.shuffle_vector(low, high, ir.Constant(ir.VectorType(ir.IntType(32), count), [*range(count)]))
-
-
-@_intrinsic
+@wide_intrinsic
 def shift_right(_: Any, a: Any, bits: Any) -> Any:
     """Unsigned lanes divided by 2^bits; bits is written in the kernel."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         count = _constant(a, bits.literal_value)
-        return _join(builder, [builder.lshr(piece, count) for piece in _split(builder, arguments[0], a)], a)
+        return join(builder, [builder.lshr(piece, count) for piece in split(builder, arguments[0], a)], a)
 
     return a(a, bits), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def widen(_: Any, a: Any) -> Any:
     """uint8 as uint16."""
     wide = Wide(types.uint16, a.lanes)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pieces = _split(builder, arguments[0], a)
-        return _join(builder, [builder.zext(piece, wide.piece_type()) for piece in pieces], wide)
+        pieces = split(builder, arguments[0], a)
+        return join(builder, [builder.zext(piece, wide.piece_type()) for piece in pieces], wide)
 
     return wide(a), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def narrow_wide(_: Any, a: Any) -> Any:
     """uint16 below 256 as uint8."""
     wide = Wide(types.uint8, a.lanes)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pieces = _split(builder, arguments[0], a)
-        return _join(builder, [builder.trunc(piece, wide.piece_type()) for piece in pieces], wide)
+        pieces = split(builder, arguments[0], a)
+        return join(builder, [builder.trunc(piece, wide.piece_type()) for piece in pieces], wide)
 
     return wide(a), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def absolute_difference(_: Any, a: Any, b: Any) -> Any:
     """|a - b| of int16 lanes, as uint16: exact, however far apart they are."""
     wide = Wide(types.uint16, a.lanes)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         pieces = []
-        for x, y in zip(*(_split(builder, value, a) for value in arguments), strict=True):
+        for x, y in zip(*(split(builder, value, a) for value in arguments), strict=True):
             less = builder.icmp_signed('<', x, y)
             pieces.append(builder.sub(builder.select(less, y, x), builder.select(less, x, y)))
-        return _join(builder, pieces, wide)
+        return join(builder, pieces, wide)
 
     return wide(a, b), generate
 
 
 def _neighbours(meaning: str, below: bool) -> Any:
     """An intrinsic f(a): each lane takes its neighbour's value, the lane at the end the largest number there is."""
-    @_intrinsic
+    @wide_intrinsic
     def neighbours(_: Any, a: Any) -> Any:
         indices = [a.piece - 1 + k if below else 1 + k for k in range(a.piece)]
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             largest = _constant(a, (1 << a.element.bitwidth) - 1)
-            pieces = _split(builder, arguments[0], a)
+            pieces = split(builder, arguments[0], a)
             joined = [largest, *pieces] if below else [*pieces, largest]
             mask = ir.Constant(ir.VectorType(ir.IntType(32), a.piece), indices)
-            return _join(builder, [builder.shuffle_vector(*pair, mask)
+            return join(builder, [builder.shuffle_vector(*pair, mask)
                                    for pair in itertools.pairwise(joined)], a)
 
         return a(a), generate
@@ -317,11 +274,11 @@ def _reduce(builder: Any, name: str, vector: Any) -> Any:
     return builder.call(function, [vector])
 
 
-@_intrinsic
+@wide_intrinsic
 def least_wide(_: Any, a: Any) -> Any:
     """The smallest of unsigned lanes."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pieces = _split(builder, arguments[0], a)
+        pieces = split(builder, arguments[0], a)
         smallest = pieces[0]
         for piece in pieces[1:]:
             smallest = _called('umin')(builder, a, smallest, piece)
@@ -330,12 +287,12 @@ def least_wide(_: Any, a: Any) -> Any:
     return a.element(a), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def sum_wide(_: Any, a: Any) -> Any:
     """The sum of unsigned lanes, uint32."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         double = ir.VectorType(ir.IntType(32), a.piece)
-        pieces = [builder.zext(piece, double) for piece in _split(builder, arguments[0], a)]
+        pieces = [builder.zext(piece, double) for piece in split(builder, arguments[0], a)]
         total = pieces[0]
         for piece in pieces[1:]:
             total = builder.add(total, piece)
@@ -344,12 +301,12 @@ def sum_wide(_: Any, a: Any) -> Any:
     return types.uint32(a), generate
 
 
-@_intrinsic
+@wide_intrinsic
 def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
     """The first lane that equals `value`, int32; there must be one."""
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        wanted, first = _repeat(builder, arguments[1], a), ir.Constant(ir.IntType(32), 0)
-        pieces = _split(builder, arguments[0], a)
+        wanted, first = repeat(builder, arguments[1], a), ir.Constant(ir.IntType(32), 0)
+        pieces = split(builder, arguments[0], a)
         for k in range(a.pieces - 1, -1, -1):
             mask = builder.bitcast(builder.icmp_unsigned('==', pieces[k], wanted), ir.IntType(a.piece))
             lane = builder.cttz(mask, ir.Constant(ir.IntType(1), 0))
@@ -365,13 +322,13 @@ def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
 
 def _where(meaning: str, condition: str) -> Any:
     """An intrinsic f(a, b, then): `then` in the lanes in which a and b, unsigned, meet the condition, else 0."""
-    @_intrinsic
+    @wide_intrinsic
     def where(_: Any, a: Any, b: Any, then: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             zero = _constant(then, 0)
-            pieces = zip(*(_split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
+            pieces = zip(*(split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
                          strict=True)
-            return _join(builder, [builder.select(builder.icmp_unsigned(condition, x, y), value, zero)
+            return join(builder, [builder.select(builder.icmp_unsigned(condition, x, y), value, zero)
                                    for x, y, value in pieces], then)
 
         return then(a, b, then), generate
@@ -382,57 +339,3 @@ def _where(meaning: str, condition: str) -> Any:
 
 where_less = _where('f(a, b, then): `then` in the lanes in which a < b, else 0; unsigned lanes.', '<')
 where_at_most = _where('f(a, b, then): `then` in the lanes in which a <= b, else 0; unsigned lanes.', '<=')
-
-
-@_intrinsic
-def differing_bits(_: Any, own: Any, nibbles: Any) -> Any:
-    """How many of four bits of each lane differ from those of the number `own`; both uint8 below 16."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pieces = _split(builder, arguments[1], nibbles)
-        if nibbles.piece >= 32 and 'avx2' in _processor(context):
-            table = _nibble_table(builder, arguments[0])
-            found = [_look_up(builder, table, piece) for piece in pieces]
-        else:
-            wanted = _repeat(builder, arguments[0], nibbles)
-            found = [_bits_set(builder, nibbles, builder.xor(piece, wanted)) for piece in pieces]
-        return _join(builder, found, nibbles)
-
-    return nibbles(own, nibbles), generate
-
-
-def _processor(context: Any) -> str:
-    """Name and features of the processor that is compiled for."""
-    _, name, features = context.codegen().magic_tuple()
-    return f'{name} {features}'.replace('-avx2', '')
-
-
-def _bits_set(builder: Any, wide: Wide, piece: Any) -> Any:
-    kind = wide.piece_type()
-    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind]),
-                                              f'llvm.ctpop.v{wide.piece}i8')
-    return builder.call(function, [piece])
-
-
-def _nibble_table(builder: Any, own: Any) -> Any:
-    """<32 x i8>: the distances of `own` from 0 to 15, twice."""
-    name, kind = 'svdm.nibble.distances', ir.ArrayType(ir.IntType(8), 256)
-    table = builder.module.globals.get(name)
-    if table is None:
-        table = ir.GlobalVariable(builder.module, kind, name)
-        table.linkage, table.global_constant, table.align = 'internal', True, 16
-        table.initializer = ir.Constant(kind, _NIBBLE_DISTANCES)
-    start = builder.shl(builder.zext(own, ir.IntType(64)), ir.Constant(ir.IntType(64), 4))
-    row = ir.VectorType(ir.IntType(8), 16)
-    place = builder.bitcast(builder.gep(table, [ir.Constant(ir.IntType(64), 0), start]), row.as_pointer())
-    twice = ir.Constant(ir.VectorType(ir.IntType(32), 32), [*range(16), *range(16)])
-    return builder.shuffle_vector(builder.load(place, align=16), ir.Constant(row, ir.Undefined), twice)
-
-
-def _look_up(builder: Any, table: Any, indices: Any) -> Any:
-    """AVX2's shuffle of bytes as a table of 16 entries."""
-    half = ir.VectorType(ir.IntType(8), 32)
-    shuffle = cgutils.get_or_insert_function(builder.module, ir.FunctionType(half, [half, half]),
-                                              'llvm.x86.avx2.pshuf.b')
-    parts = [builder.call(shuffle, [table, _lanes_of(builder, indices, start, 32)])
-             for start in range(0, indices.type.count, 32)]
-    return parts[0] if len(parts) == 1 else _joined(builder, *parts)

@@ -10,16 +10,15 @@ import numpy as np
 
 from ..kernels.arrays import Int16, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.instructions import differing_bits, multiply_high
 from ..kernels.vectors import pointer
 from ..kernels.wide import (
     UNIT,
     Lanes,
     absolute_difference,
-    differing_bits,
     load_wide,
     maximum_wide,
     minimum_wide,
-    multiply_high,
     narrow_wide,
     shift_right,
     splat_wide,

@@ -13,7 +13,7 @@ from checkout import CHECKOUT
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
-from svdm_core import MatcherParameters, StereoMatcher
+from svdm_core import MatcherParameters, StereoMatcher, load_preset, preset_names
 from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
 
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
@@ -74,13 +74,15 @@ def aggregated_cost(left, right, parameters):
 
 # Scenes with a known answer
 
-@pytest.mark.parametrize('shift', [0, 5, 12])
-@pytest.mark.parametrize('min_disparity', [0, 4])
-def test_a_flat_wall_is_found_exactly(shift, min_disparity):
-    shift += min_disparity
-    left, right = shifted_wall(40, 70, shift)
-    result = match(left, right, SMALL.replace(min_disparity=min_disparity))
-    inside = np.s_[:, shift + 1:-1]  # beside the border the gradients of the two images differ
+@pytest.mark.parametrize('stages', [LITERAL, {}, BOX])
+@pytest.mark.parametrize(('shift', 'min_disparity'), [(0, 0), (12, 0), (9, 4), (-9, -15), (-17, -18), (-9, -1024)])
+def test_a_flat_wall_is_found_exactly(shift, min_disparity, stages):
+    left, right = shifted_wall(40, 70, abs(shift))
+    if shift < 0:
+        left, right = right, left
+    count = 1024 if min_disparity == -1024 else 20
+    result = match(left, right, SMALL.replace(min_disparity=min_disparity, num_disparities=count, **stages))
+    inside = np.s_[4:-4, max(shift, 0) + 5:min(shift, 0) - 5]  # beside the border the neighbourhoods differ
     assert np.abs(result.disparity[inside] - shift).max() <= 0.5 and result.valid[inside].all()
 
 
@@ -132,33 +134,48 @@ def test_the_mirrored_and_swapped_pair_gives_the_right_views_map():
 
 # Exactness
 
-def test_the_result_does_not_depend_on_threads_or_run_or_reuse():
-    left, right = noise(45, 80, 3), noise(45, 80, 3, seed=1)
-    parameters = SMALL.replace(num_disparities=50, median_scope='all')
-    first = match(left, right, parameters, threads=1)
-    for threads in (1, 2, 3, 0):
-        matcher = StereoMatcher(parameters, threads)
-        assert_same(matcher.compute(left, right), first)
-        matcher.compute(left[:20, :30], right[:20, :30])
-        matcher.compute(left[..., 0], right[..., 0])
-        assert_same(matcher.compute(left, right), first)
+def test_a_buffer_kept_from_another_frame_leaves_nothing_behind():
+    pairs = [(noise(*shape, dtype=dtype), noise(*shape, dtype=dtype, seed=1))
+             for shape in ((45, 80, 3), (20, 30), (70, 31), (45, 80)) for dtype in (np.uint8, np.uint16)]
+    changes = [{}, BOX, LITERAL, {'min_disparity': -9, 'right_rows': 1}, {'num_disparities': 31, **BOX},
+               {'guide_blur': 3, 'tau_ad': 0.0, 'alpha': 0.0}, {'census_weight': 0.0, 'subpixel': False},
+               {'aggregation': 'box', 'w_p': 11, 'right_rows': 4}, {'median_scope': 'all'}]
+    kept = StereoMatcher(SMALL, 2)
+    rng = np.random.default_rng(5)
+    for k in rng.permutation(len(pairs) * len(changes)):
+        left, right = pairs[k % len(pairs)]
+        kept.parameters = SMALL.replace(**changes[k // len(pairs)])
+        assert_same(kept.compute(left, right), match(left, right, kept.parameters, threads=1))
 
 
-def test_more_threads_than_cores_give_the_same_as_one():
-    """In a process of its own: the number of threads is fixed when numba loads."""
-    code = (
-        'import hashlib, sys; sys.path.insert(0, "test/support")\n'
-        'from scenes import noise; from svdm_core import StereoMatcher, MatcherParameters\n'
-        'matcher = StereoMatcher(MatcherParameters(num_disparities=100, median_scope="all", w_p=5))\n'
-        'result = matcher.compute(noise(30, 60), noise(30, 60, seed=1))\n'
-        'print(hashlib.sha256(result.disparity.tobytes() + result.valid.tobytes()).hexdigest())\n'
-    )
-    digests = {
-        subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, check=True, capture_output=True, text=True,
-                       env={**os.environ, 'NUMBA_NUM_THREADS': str(threads)}).stdout
-        for threads in (1, 2, 7)
-    }
-    assert len(digests) == 1 and len(digests.pop()) == 65
+DIGESTS = '''
+import hashlib, sys
+sys.path.insert(0, "test/support")
+from scenes import noise
+from svdm_core import StereoMatcher, load_preset, preset_names
+for name in preset_names():
+    for shape in ((125, 33), (125, 33, 3)):
+        parameters = load_preset(name).replace(num_disparities=64)
+        for threads in THREADS:
+            matcher = StereoMatcher(parameters, threads)
+            for _ in range(2):
+                result = matcher.compute(noise(*shape) // 4, noise(*shape, seed=1) // 4)
+                digest = hashlib.sha256(result.disparity.tobytes() + result.valid.tobytes())
+                print(name, len(shape), digest.hexdigest())'''
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)  # kernels are compiled on the way
+def test_any_number_of_threads_gives_the_same_bytes_each_time():
+    """In processes of their own: the number of threads is fixed when numba loads."""
+    lines = []
+    for most, threads in ((1, (1,)), (16, (1, 2, 3, 7, 16))):
+        run = subprocess.run([sys.executable, '-c', DIGESTS.replace('THREADS', repr(threads))], cwd=CHECKOUT,
+                             check=True, capture_output=True, text=True,
+                             env={**os.environ, 'NUMBA_NUM_THREADS': str(most)})
+        lines.append(run.stdout.splitlines())
+    assert len(preset_names()) == 5 and len(lines[1]) == 5 * len(lines[0]) == 5 * 2 * 10
+    assert sorted(set(lines[0])) == sorted(set(lines[1])) and len(set(lines[0])) == 10
 
 
 def test_two_threads_may_match_at_once():
@@ -196,27 +213,52 @@ def test_parameters_count_from_the_next_frame_on_and_results_are_the_callers_own
 
 # Images of every kind
 
-@pytest.mark.parametrize('scope', ['filled', 'all'])
-@pytest.mark.parametrize('shape', [(1, 1), (1, 17), (9, 1), (2, 2, 3), (13, 31)])
-@pytest.mark.parametrize(('min_disparity', 'num_disparities'), [(0, 1), (0, 2), (5, 16), (0, 17), (40, 3), (0, 100)])
-def test_any_size_and_range_gives_a_dense_map_within_the_range(shape, min_disparity, num_disparities, scope):
-    parameters = MatcherParameters(min_disparity=min_disparity, num_disparities=num_disparities, median_scope=scope)
-    result = match(noise(*shape), noise(*shape, seed=1), parameters)
+def assert_dense(result, shape, parameters):
     assert result.disparity.shape == result.valid.shape == shape[:2]
     assert (result.disparity.dtype, result.valid.dtype) == (np.float32, np.bool_)
-    assert min_disparity <= result.disparity.min() <= result.disparity.max() <= min_disparity + num_disparities - 1
+    lowest = parameters.min_disparity
+    assert lowest <= result.disparity.min() <= result.disparity.max() <= lowest + parameters.num_disparities - 1
 
 
-def test_16_bit_images_of_8_bit_scenes_give_the_same_map():
+@pytest.mark.parametrize('preset', ['default', 'fast', 'paper'])
+@pytest.mark.parametrize('shape', [(1, 1), (1, 50), (50, 1), (2, 2, 3), (61, 7), (125, 33)])
+@pytest.mark.parametrize('min_disparity', [-1024, -20, 0, 5, 1024])
+@pytest.mark.parametrize('num_disparities', [1, 2, 31, 32])
+def test_any_size_and_range_gives_a_dense_map_within_the_range(shape, min_disparity, num_disparities, preset):
+    parameters = load_preset(preset).replace(min_disparity=min_disparity, num_disparities=num_disparities)
+    result = match(noise(*shape), noise(*shape, seed=1), parameters)
+    assert_dense(result, shape, parameters)
+    apart = np.arange(shape[1]) - min_disparity  # the rightmost partner, and the leftmost
+    assert not result.valid[:, (apart < 0) | (apart - num_disparities + 1 >= shape[1])].any()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)  # kernels are compiled for each width
+@pytest.mark.parametrize('num_disparities', [33, 96, 255, 257, 600, 1024])
+def test_wide_ranges_give_the_same_as_narrow_ones_where_they_need_not_look_further(num_disparities):
+    """A wall at disparity 12 of an image narrower than the range."""
+    left, right = shifted_wall(61, 30, 12)
+    for preset in ('default', 'fast', 'paper'):
+        parameters = load_preset(preset).replace(num_disparities=num_disparities, min_disparity=-3)
+        result = match(left, right, parameters)
+        assert_dense(result, left.shape, parameters)
+        inside = np.s_[4:-4, 18:-5]
+        assert (np.abs(result.disparity[inside] - 12) <= 0.5).mean() > 0.98
+
+
+@pytest.mark.parametrize(('range_', 'share'), [('full', 0.001), ('pair', 0.005)])
+def test_16_bit_images_of_8_bit_scenes_give_the_same_map(range_, share):
+    """But for rounding: of the range of the pair, the edges of 8-bit images are whole grey levels, those of 16 not."""
     left, right, _ = two_walls()
-    deep = match(left.astype(np.uint16) * 257, right.astype(np.uint16) * 257, SMALL.replace(subpixel=False))
-    assert (deep.disparity != match(left, right, SMALL.replace(subpixel=False)).disparity).mean() < 0.001
+    parameters = SMALL.replace(subpixel=False, intensity_range=range_)
+    deep = match(left.astype(np.uint16) * 257, right.astype(np.uint16) * 257, parameters)
+    assert (deep.disparity != match(left, right, parameters).disparity).mean() < share
 
 
 def test_three_equal_channels_match_like_one():
     left, right, _ = two_walls()
     colour = match(*(np.repeat(image[..., None], 3, axis=2) for image in (left, right)))
-    assert (np.abs(colour.disparity - match(left, right).disparity) > 0.01).mean() < 0.02
+    assert (np.abs(colour.disparity - match(left, right).disparity) > 0.02).mean() < 0.02
 
 
 def test_strides_and_read_only_memory_do_not_matter_and_images_stay_as_they_are():
@@ -293,9 +335,10 @@ for shape in ((20, 30), (20, 30, 3)):
 print(len(before) > 10, signatures() - before)'''
 
 
+@pytest.mark.timeout(300)
 def test_after_warm_up_nothing_is_compiled_any_more():
     """In a process of its own: here, other tests have compiled what the warm-up may lack."""
-    run = subprocess.run([sys.executable, '-c', WARM_UP], cwd=CHECKOUT, capture_output=True, text=True, timeout=110)
+    run = subprocess.run([sys.executable, '-c', WARM_UP], cwd=CHECKOUT, capture_output=True, text=True, timeout=290)
     assert run.stdout == 'True set()\n', run.stdout + run.stderr
 
 

@@ -55,8 +55,8 @@ def test_the_final_median_is_of_the_finished_map_its_border_replicated(shape, si
     left, right = (labels(shape, seed).astype(np.int16) for seed in (1, 2))
     vertex = np.random.default_rng(3).uniform(-0.5, 0.5, shape).astype(np.float32)
     vertex[left == 0] = 0
-    image = noise(*shape)
-    before, after = (refined(image, left, right, vertex, PARAMETERS.replace(final_median=n, median_scope=scope))[0]
+    parameters = PARAMETERS.replace(median_scope=scope)
+    before, after = (refined(noise(*shape), left, right, vertex, parameters.replace(final_median=n))[0]
                      for n in (1, side))
     padded = np.pad(before, side // 2, mode='edge')
     for y, x in np.ndindex(*shape):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from checkout import CHECKOUT
 
-from svdm_core.kernels import wide
+from svdm_core.kernels import instructions, wide
 from svdm_core.kernels.vectors import pointer
 
 LANES = (16, 32, 64, 96, 128, 1024)  # one piece of each size, three of 32, two and sixteen of 64
@@ -79,7 +79,7 @@ def all_lanewise(x, y, to, pitch, lanes):
     wide.store_wide(to, 7 * pitch + OFFSET, wide.minimum_wide(a, b))
     wide.store_wide(to, 8 * pitch + OFFSET, wide.maximum_wide(a, b))
     wide.store_wide(to, 9 * pitch + OFFSET, wide.average(a, b))
-    wide.store_wide(to, 10 * pitch + OFFSET, wide.multiply_high(a, b))
+    wide.store_wide(to, 10 * pitch + OFFSET, instructions.multiply_high(a, b))
     wide.store_wide(to, 11 * pitch + OFFSET, wide.shift_right(a, 3))
     wide.store_wide(to, 12 * pitch + OFFSET, wide.lanes_below(a))
     wide.store_wide(to, 13 * pitch + OFFSET, wide.lanes_above(a))
@@ -143,7 +143,7 @@ def conversions(x, y, z, small, large, lanes):
     wide.store_wide(pointer(small[17]), 0, wide.where_less(b, wide.widen(a), a))
     nibbles = wide.shift_right(a, 4)
     for own in range(16):
-        wide.store_wide(pointer(small[own]), 0, wide.differing_bits(np.uint8(own), nibbles))
+        wide.store_wide(pointer(small[own]), 0, instructions.differing_bits(np.uint8(own), nibbles))
 
 
 @pytest.mark.parametrize('lanes', LANES)
