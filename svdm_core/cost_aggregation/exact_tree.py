@@ -7,6 +7,7 @@ the downward pass hands each finished row to stage 3, so that nothing is stored 
 """
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numba
@@ -65,6 +66,7 @@ def edge_similarity(weight: Uint8, sigma_tree: float, d_y: int) -> Float32:
     return edge_similarities(sigma_tree, d_y)[weight]
 
 
+@functools.lru_cache(maxsize=8)
 def edge_similarities(sigma_tree: float, d_y: int, level_unit: float = 1.0) -> Float32:
     """`edge_similarity` of the weights 0 .. 255, each `level_unit` grey levels; d_y = 255 cuts none."""
     levels = np.arange(256) * level_unit

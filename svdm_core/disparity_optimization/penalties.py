@@ -1,6 +1,7 @@
 """Stage 3, semi-global: what a jump of the disparity costs between two neighbours, less where the image has an edge."""
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numba
@@ -29,6 +30,7 @@ class Penalties(NamedTuple):
     down: Uint8
 
 
+@functools.lru_cache(maxsize=16)
 def p2_table(p1: float, p2: float, p2_edge: float) -> Uint8:
     """P2 by the edge, 0 .. 255 levels: p2 / (1 + edge / p2_edge), at least p1 (as Hirschmueller 2008, eq 13), at most
     255; p2 everywhere where p2_edge is 0."""

@@ -5,6 +5,7 @@ Against `weighted_median` one median in some hundreds is another, by 1 px mostly
 """
 from __future__ import annotations
 
+import functools
 from typing import Any, NamedTuple
 
 import numba
@@ -56,6 +57,7 @@ class MedianWindow(NamedTuple):
     label_bits: int
 
 
+@functools.lru_cache(maxsize=8)
 def median_window(width: int, w_p: int, sigma_s: float, sigma_c: float, num_disparities: int) -> MedianWindow:
     """For images `width` px wide; w_p, sigma_s in px, sigma_c on 0..1."""
     lanes, r = UNIT * len(window_lanes(w_p)), w_p // 2
