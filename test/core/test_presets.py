@@ -29,6 +29,8 @@ PRESETS = {
         'magnitude', 1.0, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
         'image', 11, 1.0, 0.1, 1),
 }
+OF_RANGE_AND_ROWS = {'accurate': ('pair', 1), 'default': ('pair', 2), 'fast': ('pair', 2), 'paper': ('full', 2),
+                     'paper_start': ('full', 2)}  # intensity_range, right_rows
 
 
 def write(folder, text):
@@ -44,7 +46,8 @@ def test_default_is_the_default():
 @pytest.mark.parametrize('name', preset_names())
 def test_a_preset_is_what_it_was_whatever_becomes_of_the_defaults(name):
     values = load_preset(name).as_dict()
-    assert set(values) == {*NAMES, 'min_disparity', 'num_disparities'}
+    assert set(values) == {*NAMES, 'intensity_range', 'right_rows', 'min_disparity', 'num_disparities'}
+    assert (values['intensity_range'], values['right_rows']) == OF_RANGE_AND_ROWS[name]
     assert tuple(values[parameter] for parameter in NAMES) == PRESETS[name]
 
 
