@@ -22,15 +22,17 @@ _PIECES = (64, 32, 16)
 """Lanes that LLVM sees in one vector, the most first: one AVX-512 register of bytes. It splits powers of two well, and
 nothing else."""
 
-_STEP = 32
-"""Search ranges are filled up to a multiple of this many disparities."""
+_STEPS = ((96, 32), (1024, 64))
+"""(largest, step): search ranges up to `largest` are filled up to a multiple of `step` disparities. Longer vectors in
+pieces of 32 take LLVM minutes."""
 
 Lanes = tuple[int, ...]
 
 
 def lanes_for(num_disparities: int) -> Lanes:
     """The tuple that stands for the narrowest vectors that hold a search range of 1 to 1024 disparities."""
-    return (0,) * (-(-num_disparities // _STEP) * _STEP // UNIT)
+    step = next(step for largest, step in _STEPS if num_disparities <= largest)
+    return (0,) * (-(-num_disparities // step) * step // UNIT)
 
 
 def width_of(lanes: Lanes) -> int:
