@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -122,12 +122,12 @@ class StereoMatcher:
         with _KERNELS:
             return self._refined(matched, self.parameters, StageClock(matched.seconds))
 
-    def warm_up(self) -> None:
-        """Compile what the present parameters need for images of any kind, or load it from numba's cache, by matching
-        small images. Seconds to a minute."""
+    def warm_up(self, depths: Sequence[type[np.unsignedinteger]] = (np.uint8, np.uint16)) -> None:
+        """Compile what the present parameters need for grey and colour images of these depths, or load it from numba's
+        cache, by matching small images. Seconds to a minute."""
         matcher = StereoMatcher(self.parameters, self.threads)
         for shape in ((4, 6), (4, 6, 3)):
-            for depth in (np.uint8, np.uint16):
+            for depth in depths:
                 matcher.compute(np.zeros(shape, depth), np.zeros(shape, depth))
 
     def not_compiled(self, image: Image) -> str:

@@ -5,6 +5,8 @@ import dataclasses
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from svdm_core import StereoMatcher
 
 from .camera_geometry import stereo_geometry
@@ -64,8 +66,8 @@ class FrameProcessor:
         self._threads = 0
 
     def warm_up(self, parameters: NodeParameters) -> None:
-        """Compile the kernels that `parameters` need, or load them from the cache of an earlier run."""
-        self._matcher_for(parameters).warm_up()
+        """Compile what `parameters` need for 8-bit images, or load it from the cache of an earlier run."""
+        self._matcher_for(parameters).warm_up([np.uint8])
 
     def process(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
         """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair."""
