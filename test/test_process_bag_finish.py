@@ -15,7 +15,7 @@ OF_THIS_RUN = ('seconds', 'pairs_per_second', 'matcher_ms', 'matched_in_this_run
 @pytest.fixture(scope='module')
 def start():
     """Runs process_bag, to its end or to a step after the last message; the exit code, and what was printed."""
-    server = subprocess.Popen([sys.executable, Path(__file__).with_name('killed_process_bag.py')],
+    server = subprocess.Popen([sys.executable, Path(__file__).parent / 'support' / 'killed_process_bag.py'],
                               stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def started(arguments, log, kill_at=-1, begin='last message'):

@@ -16,7 +16,7 @@ from scenes import two_walls
 from svdm_ros.bags.process_bag import main
 
 KILLS = 10
-PAIRS = 60
+PAIRS = 200
 
 
 @pytest.fixture(scope='module')
