@@ -99,17 +99,6 @@ def splat(_: Any, value: Any) -> Any:
     return vector(value), generate
 
 
-@_intrinsic
-def half_splat(_: Any, value: Any) -> Any:
-    """`splat` of a uint16 to as many lanes as `to_uint16` and `narrow` give."""
-    vector = Vector(value, _LANES[types.float32])
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _splat(builder, arguments[0], vector.as_llvm())
-
-    return vector(value), generate
-
-
 def _splat(builder: Any, value: Any, kind: ir.VectorType) -> Any:
     nothing = ir.Constant(kind, ir.Undefined)
     first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
@@ -138,24 +127,6 @@ _overload_operator(operator.sub, 'fsub', 'sub')
 _overload_operator(operator.mul, 'fmul', 'mul')
 _overload_operator(operator.xor, '', 'xor')
 _overload_operator(operator.or_, '', 'or_')
-
-
-def _shuffle(first_lane: Callable[[int], int], meaning: str) -> Any:
-    """Makes f(a, b): as many lanes as one has, from a and b joined, starting with `first_lane(lanes)`."""
-    @_intrinsic
-    def shuffle(_: Any, a: Any, b: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            lanes = [first_lane(a.lanes) + k for k in range(a.lanes)]
-            return builder.shuffle_vector(*arguments, ir.Constant(ir.VectorType(ir.IntType(32), a.lanes), lanes))
-
-        return a(a, b), generate
-
-    shuffle.__doc__ = meaning
-    return shuffle
-
-
-lower_neighbours = _shuffle(lambda lanes: lanes - 1, 'f(before, a): the lane below each lane of a.')
-upper_neighbours = _shuffle(lambda lanes: 1, 'f(a, after): the lane above each lane of a.')
 
 
 @_intrinsic
@@ -213,47 +184,6 @@ def where_equal(_: Any, a: Any, b: Any, then: Any, otherwise: Any) -> Any:
         return builder.select(builder.icmp_signed('==', *arguments[:2]), *arguments[2:])
 
     return then(a, b, then, otherwise), generate
-
-
-@_intrinsic
-def to_uint16(_: Any, a: Any) -> Any:
-    """Floats from 0 to 65535 as uint16, cut off."""
-    vector = Vector(types.uint16, a.lanes)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        whole = builder.fptosi(arguments[0], ir.VectorType(ir.IntType(32), a.lanes))
-        return builder.trunc(whole, vector.as_llvm())
-
-    return vector(a), generate
-
-
-@_intrinsic
-def narrow(_: Any, a: Any) -> Any:
-    """Integers below 2^16 as uint16."""
-    vector = Vector(types.uint16, a.lanes)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.trunc(arguments[0], vector.as_llvm())
-
-    return vector(a), generate
-
-
-@_intrinsic
-def least(_: Any, a: Any) -> Any:
-    """The smallest lane of unsigned integers."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _least(builder, arguments[0], 'umin')
-
-    return a.element(a), generate
-
-
-@_intrinsic
-def first_equal(_: Any, a: Any, value: Any) -> Any:
-    """The first lane of integers that equals `value`, or the number of lanes; int32."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _first_equal(builder, *arguments)
-
-    return types.int32(a, value), generate
 
 
 @_intrinsic
