@@ -17,6 +17,8 @@ from .matching_cost.preparation import PairImages, fill_plane_blocks, smoothed_g
 from .parameters import MatcherParameters
 from .phases import Phase
 
+_BYTE = 255  # what a lane of the sums holds
+
 
 class StripeRoute:
     """For images of one shape and one search range."""
@@ -78,13 +80,22 @@ class StripeRoute:
         return Winners(self.winners.left, self.winners.right, self.right.every, self.winners.vertex)
 
     def _costs(self, side: StripeAggregation, parameters: MatcherParameters) -> ByteCosts:
-        return byte_costs(self._planes, self.left.width, parameters, width_of(self._lanes), side.pixel_cost)
+        pixel_cost = _pixel_cost(side, parameters)
+        return byte_costs(self._planes, self.left.width, parameters, width_of(self._lanes), pixel_cost)
 
     def _penalties(self, parameters: MatcherParameters, level_unit: float) -> Penalties:
-        units = [side.full_cost / max(largest_cost(parameters), 1e-9) for side in self.sides]
+        largest = max(largest_cost(parameters), 1e-9)
+        units = [side.full_cost * _pixel_cost(side, parameters) / side.pixel_cost / largest for side in self.sides]
         p1 = [min(round(min(parameters.p1, parameters.p2) * unit), 255) for unit in units]
         p2 = [p2_table(p1[k], parameters.p2 * unit, parameters.p2_edge / level_unit) for k, unit in enumerate(units)]
         return Penalties(np.uint8(p1[0]), np.uint8(p1[1]), p2[0], p2[1], self._across, self._down)
+
+
+def _pixel_cost(side: StripeAggregation, parameters: MatcherParameters) -> int:
+    """What the largest cost of two pixels is scaled to: less than the aggregation's own where P2 is so much larger that
+    an aggregated cost and P2 together would not stay in a byte."""
+    jump = parameters.p2 / max(largest_cost(parameters), 1e-9)
+    return max(1, min(side.pixel_cost, int(side.pixel_cost * _BYTE / (side.full_cost * (1 + jump)) + 1e-6)))
 
 
 def right_aggregation(parameters: MatcherParameters, channels: int) -> str:
