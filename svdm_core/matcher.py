@@ -136,9 +136,10 @@ class StereoMatcher:
         from the cache. Else empty."""
         if _kernels_of(image.shape, image.dtype, self.parameters) in _RUN:
             return ''
-        last = width_of(lanes_for(self.parameters.num_disparities))
+        lanes = lanes_for(self.parameters.num_disparities)
+        first = next(count for count in range(1, 1025) if lanes_for(count) == lanes)
         kind = f'{8 * image.dtype.itemsize}-bit {"grey" if image.ndim == 2 else "colour"} images'
-        return f'{kind} and {last - width_of(lanes_for(1)) + 1} to {last} disparities'
+        return f'{kind} and {first} to {width_of(lanes)} disparities'
 
     def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""

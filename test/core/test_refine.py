@@ -3,6 +3,7 @@ import numpy as np
 import pytest
 from scenes import noise
 
+import svdm_core.matcher
 from svdm_core import MatcherParameters, StereoMatcher
 
 PARAMETERS = MatcherParameters(num_disparities=20, w_p=7)
@@ -45,7 +46,8 @@ def test_disparities_are_multiples_of_the_step(changes, step):
         assert (result.disparity * 64 % 1 != 0).any()
 
 
-def test_a_matcher_tells_what_is_not_compiled_until_it_has_matched_it():
+def test_a_matcher_tells_what_is_not_compiled_until_it_has_matched_it(monkeypatch):
+    monkeypatch.setattr(svdm_core.matcher, '_RUN', set())  # other tests have matched before
     matcher = StereoMatcher(PARAMETERS.replace(num_disparities=65, aggregation='box', w_p=5))
     image = noise(8, 12, dtype=np.uint16)
     assert matcher.not_compiled(image) == '16-bit grey images and 65 to 96 disparities'
@@ -53,5 +55,6 @@ def test_a_matcher_tells_what_is_not_compiled_until_it_has_matched_it():
     assert matcher.not_compiled(image) == ''
     matcher.parameters = matcher.parameters.replace(num_disparities=96, alpha=1.0, min_disparity=-50)
     assert matcher.not_compiled(image) == ''
-    matcher.parameters = matcher.parameters.replace(num_disparities=97)
-    assert matcher.not_compiled(image) == '16-bit grey images and 97 to 128 disparities'
+    for count, told in ((97, '97 to 128'), (192, '129 to 192'), (20, '1 to 32')):
+        matcher.parameters = matcher.parameters.replace(num_disparities=count)
+        assert matcher.not_compiled(image) == f'16-bit grey images and {told} disparities'
