@@ -16,14 +16,16 @@ from svdm_ros.bags.local_workers import process_locally
 from svdm_ros.bags.process import Job
 from svdm_ros.bags.process_bag import main
 
-SMALL = ('--set', 'num_disparities=16')
-PAIRS = 50
+SMALL = ('--set', 'num_disparities=16', 'median_scope=all', 'w_p=41')
+"""Few disparities, and a median that makes each pair last long enough to be interrupted."""
+
+PAIRS = 200
 COMMAND = '''
 import sys
 from svdm_ros.bags import process_bag, process_command
 
 def teller(_bars, name):
-    return lambda done, total: print(name, done, flush=True)
+    return lambda done, total: print(f'{name} {done}\\n', end='', flush=True)
 
 process_command.Bars.teller = teller
 sys.exit(process_bag.main(sys.argv[1:]))
@@ -46,7 +48,7 @@ def expected(bags, tmp_path_factory):
 
 @pytest.fixture
 def begin(bags, tmp_path):
-    """Starts the command on two recordings, and returns when both are being processed; it, and its processes."""
+    """Starts the command on two recordings, and returns when a pair of each is done; it, and its processes."""
     started = []
 
     def begun():
@@ -58,7 +60,8 @@ def begin(bags, tmp_path):
         while len(names) < 2:
             line = process.stdout.readline()
             assert line, process.communicate()
-            names.add(line.split()[0])
+            name, done = line.split()
+            names |= {name} if int(done) else set()
         return process, psutil.Process(process.pid).children(recursive=True)
 
     yield begun
