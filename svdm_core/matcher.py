@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -102,12 +103,14 @@ class StereoMatcher:
         left, right = _checked(left, right)
         with _KERNELS:
             clock, parameters = self._new_clock(), self.parameters
+            self._crew.gather(self.threads)
             return self._refined(self._matched(left, right, parameters, clock), parameters, clock)
 
     def match(self, left: Image, right: Image) -> MatchedPair:
         """Stages 1 to 3 of a pair, as `compute` takes it; the arrays are the caller's own, for as long as wanted."""
         left, right = _checked(left, right)
         with _KERNELS:
+            self._crew.gather(self.threads)
             return self._matched(left, right, self.parameters, self._new_clock()).copy()
 
     def refine(self, matched: MatchedPair) -> DisparityResult:
@@ -120,6 +123,7 @@ class StereoMatcher:
             raise ValueError(f'{name} = {now!r} is not allowed: it must be {then!r}, with which the pair was matched; '
                              'refining it changes parameters of stage 4 only')
         with _KERNELS:
+            self._crew.gather(self.threads)
             return self._refined(matched, self.parameters, StageClock(matched.seconds))
 
     def warm_up(self, depths: Sequence[type[np.unsignedinteger]] = (np.uint8, np.uint16)) -> None:
@@ -143,13 +147,11 @@ class StereoMatcher:
 
     def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""
-        self._crew.gather(self.threads)
         images = self._prepare(left, right, parameters, clock)
         winners = self._winners(images, parameters, clock)
         return MatchedPair(parameters, images, winners, left.shape, clock.seconds)
 
     def _refined(self, matched: MatchedPair, parameters: MatcherParameters, clock: StageClock) -> DisparityResult:
-        self._crew.gather(self.threads)
         refinement = self._keep(Refinement, Refinement.layout(matched.shape, parameters), matched.shape, parameters)
         disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
         _RUN.add(_kernels_of(matched.shape, matched.images.left.dtype, parameters))
@@ -189,6 +191,7 @@ def _is_exact(parameters: MatcherParameters) -> bool:
     return parameters.aggregation == 'tree' and parameters.p2 == 0
 
 
+@functools.lru_cache(maxsize=32)
 def _kernels_of(shape: tuple[int, ...], dtype: Any, parameters: MatcherParameters) -> tuple[object, ...]:
     """What the types of the kernels' arguments follow from: images with the same take the same kernels."""
     channels = 1 if len(shape) == 2 else shape[2]

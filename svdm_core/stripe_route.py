@@ -36,6 +36,8 @@ class StripeRoute:
             for number, (kind, rows) in enumerate(zip(kinds, (self.left, self.right), strict=True))]
         self._edges, self._tree_edges = empty_edges(self.left), empty_edges(self.left)
         self._across, self._down = np.zeros((2, 2, (self.left.height + 2) * self.left.width), np.uint8)
+        self._costs_for: MatcherParameters | None = None
+        self._kept_costs: list[ByteCosts] = []
         height, width = shape[:2]
         self.winners = StripeWinners(
             np.zeros((height, width), np.int16), np.zeros((self.right.height, width), np.int16),
@@ -63,7 +65,7 @@ class StripeRoute:
             phases.append(Phase('spanning_forest', blocks, fill_edges, (pair.tree_edges, smoothed, *rows)))
         penalties = self._penalties(parameters, float(images.level_unit))
         phases.append(Phase('disparity_optimization', blocks, fill_penalties, (penalties, self._edges, *rows)))
-        costs = [self._costs(side, parameters) for side in self.sides]
+        costs = self._costs(parameters)
         for side, own in zip(self.sides, costs, strict=True):
             phases += side.phases(own, pair, parameters)
         # Boxes of either view have the same costs; where only one has boxes, they are its own.
@@ -79,9 +81,14 @@ class StripeRoute:
         """After the phases."""
         return Winners(self.winners.left, self.winners.right, self.right.every, self.winners.vertex)
 
-    def _costs(self, side: StripeAggregation, parameters: MatcherParameters) -> ByteCosts:
-        pixel_cost = _pixel_cost(side, parameters)
-        return byte_costs(self._planes, self.left.width, parameters, width_of(self._lanes), pixel_cost)
+    def _costs(self, parameters: MatcherParameters) -> list[ByteCosts]:
+        """Of both views; made anew where the parameters have changed."""
+        if parameters is not self._costs_for:
+            self._costs_for, lanes = parameters, width_of(self._lanes)
+            self._kept_costs = [
+                byte_costs(self._planes, self.left.width, parameters, lanes, _pixel_cost(side, parameters))
+                for side in self.sides]
+        return self._kept_costs
 
     def _penalties(self, parameters: MatcherParameters, level_unit: float) -> Penalties:
         largest = max(largest_cost(parameters), 1e-9)

@@ -5,9 +5,11 @@ wait for each other at the end of each phase:
 
     ms(N) = serial + sum over phases (entry + makespan(tasks, N))
 
-The entry of a phase is the time of an empty one. Serial is what is left of the frame on one thread. What runs on one
-thread is timed in its processor time, so that waiting for others' work is no part of it; on an idle machine that is the
-wall time. The model knows nothing of what threads share: memory, caches, clock frequency, two threads of one core.
+The entry of a phase is the time of an empty one. Serial is what a whole frame on one thread takes outside its phases.
+Tasks timed alone share out the time that their phase takes in such a frame, as the low quantiles of hundreds of short
+tasks sum up to less. What runs on one thread is timed in its processor time, so that waiting for others' work is no
+part of it; on an idle machine that is the wall time. The model knows nothing of what threads share: memory, caches,
+clock frequency, two threads of one core.
 """
 from __future__ import annotations
 
@@ -53,17 +55,23 @@ class WorkSpan(NamedTuple):
     phases: tuple[PhaseTimes, ...]
     serial: float
 
-    @classmethod
-    def of(cls, phases: Iterable[PhaseTimes], frame: float) -> WorkSpan:
-        """`frame`: ms of the whole frame on one thread."""
-        phases = tuple(phases)
-        parallel = sum(phase.entry + sum(phase.tasks) for phase in phases)
-        return cls(phases, max(0.0, frame - parallel))
-
     def frame(self, threads: int) -> float:
         """ms of a frame on so many threads."""
         entries = sum(phase.entry if threads == 1 else phase.shared_entry for phase in self.phases)
         return self.serial + entries + sum(makespan(phase.tasks, threads) for phase in self.phases)
+
+
+class PhaseClock(StageClock):
+    """Keeps the seconds of each phase, of the processor time of this thread."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.phases: list[float] = []
+
+    def work(self, crew: Crew, phases: Iterable[Phase]) -> None:
+        for phase in phases:
+            with self.stage(phase.stage):
+                self.phases.append(_seconds(time.thread_time, crew, phase, 0, phase.tasks))
 
 
 class TaskClock(StageClock):
@@ -119,21 +127,20 @@ class _Frames:
 
     def __init__(self, pair: BenchmarkPair, parameters: MatcherParameters, counts: set[int], most: int) -> None:
         self._pair = pair
-        self._whole = {count: StereoMatcher(parameters, count) for count in sorted(counts)}
-        self._walls: dict[int, list[float]] = {count: [] for count in self._whole}
-        self._alone_seconds: list[float] = []
-        self._by_task = StereoMatcher(parameters, 1, clock=self._task_clock)
-        self._shared = StereoMatcher(parameters, most, clock=self._task_clock)
-        self._clocks: list[TaskClock] = []
-        self._waited: list[float | None] = []
-        for matcher in (*self._whole.values(), self._by_task, self._shared):
-            self._seconds(matcher)  # compiled and allocated before the first round
+        self._by_phase: list[PhaseClock] = []
         self._alone: list[TaskClock] = []
         self._together: list[TaskClock] = []
-
-    def _task_clock(self) -> TaskClock:
-        self._clocks.append(TaskClock())
-        return self._clocks[-1]
+        self._whole = {count: StereoMatcher(parameters, count) for count in sorted(counts - {1})}
+        self._whole[1] = StereoMatcher(parameters, 1, clock=_kept(PhaseClock, self._by_phase))
+        self._by_task = [StereoMatcher(parameters, 1, clock=_kept(TaskClock, self._alone)),
+                         StereoMatcher(parameters, most, clock=_kept(TaskClock, self._together))]
+        self._walls: dict[int, list[float]] = {count: [] for count in self._whole}
+        self._serial: list[float] = []
+        self._waited: list[float | None] = []
+        for matcher in (*self._whole.values(), *self._by_task):
+            self._seconds(matcher)  # compiled and allocated before the first round
+        for clocks in (self._by_phase, self._alone, self._together):
+            clocks.clear()
 
     def _seconds(self, matcher: StereoMatcher) -> tuple[float, float]:
         """Wall time, and processor time of this thread."""
@@ -149,11 +156,10 @@ class _Frames:
             after = waited_seconds()
             self._walls[count].append(wall)
             if count == 1:
-                self._alone_seconds.append(own)
+                self._serial.append(own - sum(self._by_phase[-1].phases))
                 self._waited.append(None if before is None or after is None else max(0.0, after - before))
-        for matcher, clocks in ((self._by_task, self._alone), (self._shared, self._together)):
+        for matcher in self._by_task:
             self._seconds(matcher)
-            clocks.append(self._clocks[-1])
 
     def milliseconds(self) -> dict[int, float]:
         """Wall times of whole frames by their threads."""
@@ -168,12 +174,30 @@ class _Frames:
         """The low quantiles of the rounds."""
         entries = _low([clock.entries for clock in self._alone])
         shared = np.maximum(_low([clock.entries for clock in self._together]), entries)
-        phases = []
-        for number, stage in enumerate(self._alone[0].stages):
-            tasks = _low([clock.tasks[number] for clock in self._alone])
-            alone = np.maximum(tasks - entries[number], 0)  # a task that is done alone enters the phase
-            phases.append(PhaseTimes(stage, float(entries[number]), float(shared[number]), tuple(alone.tolist())))
-        return WorkSpan.of(phases, float(_low(self._alone_seconds)))
+        whole = _low([clock.phases for clock in self._by_phase])
+        phases = [
+            PhaseTimes(stage, float(entries[number]), float(shared[number]), shared_out(
+                float(whole[number] - entries[number]),
+                # A task that is done alone enters the phase.
+                (_low([clock.tasks[number] for clock in self._alone]) - entries[number]).tolist()))
+            for number, stage in enumerate(self._alone[0].stages)]
+        return WorkSpan(tuple(phases), float(_low(self._serial)))
+
+
+def shared_out(total: float, tasks: Sequence[float]) -> tuple[float, ...]:
+    """`tasks` scaled so that they sum to `total`; none is less than nothing."""
+    positive = [max(task, 0.0) for task in tasks]
+    scale = max(total, 0.0) / (sum(positive) or 1.0)
+    return tuple(scale * task for task in positive)
+
+
+def _kept[Clock: StageClock](kind: Callable[[], Clock], clocks: list[Clock]) -> Callable[[], StageClock]:
+    """Makes clocks that stay in the list."""
+    def made() -> StageClock:
+        clocks.append(kind())
+        return clocks[-1]
+
+    return made
 
 
 def _seconds(clock: Callable[[], float], crew: Crew, phase: Phase, first: int, end: int) -> float:

@@ -51,7 +51,8 @@ class IntensityRange(NamedTuple):
         the camera's image where rectification fills with black.
         """
         values = np.concatenate([_samples(left), _samples(right)])
-        values = np.sort(values[values > 0], kind='stable')  # radix sort
+        values.sort(kind='stable')  # radix sort
+        values = values[np.searchsorted(values, 0, side='right'):]
         if values.size == 0:
             return cls.full(left.dtype)
         outermost = int(_OUTERMOST * values.size)

@@ -5,7 +5,7 @@ from scenes import shifted_wall
 
 from svdm_core import StereoMatcher, load_preset
 from svdm_core.benchmark.contenders import why_not_modelled
-from svdm_core.benchmark.model import PhaseTimes, TaskClock, WorkSpan, makespan, measure_model
+from svdm_core.benchmark.model import PhaseTimes, TaskClock, WorkSpan, makespan, measure_model, shared_out
 from svdm_core.benchmark.runs import BenchmarkPair
 
 TASKS = st.lists(st.integers(0, 1000), max_size=40)  # whole, so that sums are exact
@@ -45,10 +45,15 @@ def test_more_workers_never_take_longer_and_longer_tasks_never_less(tasks, worke
 
 
 def test_a_frame_waits_after_each_phase():
-    span = WorkSpan.of([PhaseTimes('a', 1, 2, (3, 3, 3)), PhaseTimes('b', 1, 2, (5,))], 20)
-    assert span.serial == 20 - 2 - 14 and span.frame(1) == 20
+    span = WorkSpan((PhaseTimes('a', 1, 2, (3, 3, 3)), PhaseTimes('b', 1, 2, (5,))), 4)
+    assert span.frame(1) == 4 + 2 + 14
     assert span.frame(2) == 4 + 2 * 2 + 6 + 5 and span.frame(3) == span.frame(9) == 4 + 2 * 2 + 3 + 5
-    assert WorkSpan.of(span.phases, 1).serial == 0  # the noise of a clock is no negative time
+
+
+@pytest.mark.parametrize('total, tasks, shares', [
+    (6, [1, 2], (2, 4)), (6, [1, -1, 2], (2, 0, 4)), (-1, [1, 2], (0, 0)), (3, [0, 0], (0, 0)), (3, [], ())])
+def test_tasks_share_out_the_time_of_their_phase(total, tasks, shares):
+    assert shared_out(total, tasks) == shares  # the noise of a clock is no negative time
 
 
 @pytest.mark.parametrize('preset', ['fast', 'default'])
