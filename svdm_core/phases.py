@@ -17,8 +17,8 @@ from .kernels.tasks import whole_lines
 class Phase(NamedTuple):
     """Tasks 0 .. tasks - 1 in any order, all done before the next phase begins.
 
-    stage: whose time it is. run(counter, end, arenas, *arguments) does the tasks from counter[0] to end - 1 by
-    `tasks.take`, each thread with its row of arenas as scratch of `scratch` bytes.
+    stage: whose time it is. run(counter, end, arenas, *arguments), a kernel, has the threads share the tasks from
+    counter[0] to end - 1 (`tasks.share`), each thread with its row of arenas as scratch of `scratch` bytes.
     """
 
     stage: str

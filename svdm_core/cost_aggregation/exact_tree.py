@@ -10,12 +10,12 @@ from __future__ import annotations
 import functools
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from ..disparity_optimization.winners import BestSoFar, SlotPointers, slot_pointers, take_smallest
-from ..kernels.arrays import Float32, Int32, Uint8
+from ..kernels.arrays import Float32, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from ..kernels.vectors import load, pointer, splat, store
 from ..matching_cost.float_costs import (
     BLOCK,
@@ -54,7 +54,7 @@ def gather(
     level_unit: float = 1.0,
 ) -> None:
     """Take over the trees, and what stage 1 compares, of images `width` px wide."""
-    _supports(nodes, trees.weight, edge_similarities(parameters.sigma_tree, parameters.d_y, level_unit))
+    do_tasks(_supports, 2, nodes, trees.weight, edge_similarities(parameters.sigma_tree, parameters.d_y, level_unit))
     gather_values(values, trees.pixel, width)
 
 
@@ -83,17 +83,20 @@ def aggregate(
     share of the disparities a block at a time. Costs are sums weighted by support and not divided by its sum: one
     factor a node changes neither its winner nor its vertex.
     """
-    _aggregate(nodes, values, cost_scale(parameters), parameters.num_disparities, parameters.subpixel, scratch, winners)
-
-
-@kernel(parallel=True)
-def _supports(nodes: TreeNodes, weight: Uint8, similarities: Float32) -> None:
-    for view in numba.prange(weight.shape[0]):
-        _fill_supports(nodes.parent[view], weight[view], similarities, nodes.similarity[view], nodes.inner[view])
+    do_tasks(_aggregate, scratch.shape[0] * scratch.shape[1], nodes, values,
+             _Sums(cost_scale(parameters), parameters.num_disparities, parameters.subpixel), scratch, winners)
 
 
 @kernel
-def _fill_supports(parent: Int32, weight: Uint8, similarities: Float32, similarity: Float32, inner: Uint8) -> None:
+def _supports(
+    counter: Int64, end: int, arenas: Uint8, nodes: TreeNodes, weight: Uint8, similarities: Float32
+) -> None:
+    share(_fill_supports, counter, end, arenas, (nodes, weight, similarities))
+
+
+@kernel
+def _fill_supports(view: int, _arena: Uint8, nodes: TreeNodes, weights: Uint8, similarities: Float32) -> None:
+    parent, weight, similarity, inner = nodes.parent[view], weights[view], nodes.similarity[view], nodes.inner[view]
     inner[:] = 0
     for k in range(weight.size):
         similarity[k] = similarities[weight[k]]
@@ -101,20 +104,27 @@ def _fill_supports(parent: Int32, weight: Uint8, similarities: Float32, similari
             inner[parent[k]] = 1
 
 
-@kernel(parallel=True)
+class _Sums(NamedTuple):
+    """What `aggregate` is asked for: winners among num_disparities, with their neighbours' costs where subpixel."""
+
+    scale: CostScale
+    num_disparities: int
+    subpixel: bool
+
+
+@kernel
 def _aggregate(
-    nodes: TreeNodes, values: NodeValues, scale: CostScale, num_disparities: int, subpixel: bool, scratch: Float32,
+    counter: Int64, end: int, arenas: Uint8, nodes: TreeNodes, values: NodeValues, sums: _Sums, scratch: Float32,
     winners: BestSoFar,
 ) -> None:
-    for task in numba.prange(scratch.shape[0] * scratch.shape[1]):
-        _aggregate_slot(task, nodes, values, scale, num_disparities, subpixel, scratch, winners)
+    share(_aggregate_slot, counter, end, arenas, (nodes, values, sums, scratch, winners))
 
 
 @kernel
 def _aggregate_slot(
-    task: int, nodes: TreeNodes, values: NodeValues, scale: CostScale, num_disparities: int, subpixel: bool,
-    scratch: Float32, winners: BestSoFar,
+    task: int, _arena: Uint8, nodes: TreeNodes, values: NodeValues, sums: _Sums, scratch: Float32, winners: BestSoFar
 ) -> None:
+    scale, num_disparities, subpixel = sums
     slots = scratch.shape[1]
     rounds = -(-num_disparities // (slots * BLOCK))
     view, slot = task // slots, task % slots

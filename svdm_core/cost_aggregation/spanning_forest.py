@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 
-import numba
 import numpy as np
 
-from ..kernels.arrays import Image, Int32, Uint8
+from ..kernels.arrays import Image, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from ..matching_cost.edges import raise_to_differences
 
 RIGHT, LEFT, DOWN, UP = np.uint8(1), np.uint8(2), np.uint8(4), np.uint8(8)
@@ -59,22 +59,28 @@ class SpanningTrees:
         planes = np.empty((2, left.size // (height * width), height, width), left.dtype)  # one layout, one kernel
         for view, guide in enumerate((left, right)):
             planes[view] = np.moveaxis(guide.reshape(height, width, -1), 2, 0)
-        _fill_weights(planes, np.float32(1 / step), self._weights)
-        _spanning_trees(self._room, self.weight, scratch, self._links, self._weights)
+        do_tasks(_fill_weights, 2, planes, np.float32(1 / step), self._weights)
+        do_tasks(_spanning_trees, 2, self._room, self.weight, scratch, self._links, self._weights)
 
 
-@kernel(parallel=True)
-def _fill_weights(planes: Image, per_level: np.float32, weights: Uint8) -> None:
-    """weights[:, 0], [:, 1]: of the edge to the pixel on the right, below: the largest channel difference."""
-    weights[:] = 0
-    for view in numba.prange(planes.shape[0]):
-        height = planes.shape[2]
-        for c in range(planes.shape[1]):
-            for y in range(height):
-                row = planes[view, c, y]
-                raise_to_differences(row[:-1], row[1:], per_level, weights[view, 0, y])
-                if y < height - 1:
-                    raise_to_differences(row, planes[view, c, y + 1], per_level, weights[view, 1, y])
+@kernel
+def _fill_weights(
+    counter: Int64, end: int, arenas: Uint8, planes: Image, per_level: np.float32, weights: Uint8
+) -> None:
+    share(_fill_weights_of, counter, end, arenas, (planes, per_level, weights))
+
+
+@kernel
+def _fill_weights_of(view: int, _arena: Uint8, planes: Image, per_level: np.float32, weights: Uint8) -> None:
+    """weights[view, 0], [view, 1]: of the edge to the pixel on the right, below: the largest channel difference."""
+    weights[view] = 0
+    height = planes.shape[2]
+    for c in range(planes.shape[1]):
+        for y in range(height):
+            row = planes[view, c, y]
+            raise_to_differences(row[:-1], row[1:], per_level, weights[view, 0, y])
+            if y < height - 1:
+                raise_to_differences(row, planes[view, c, y + 1], per_level, weights[view, 1, y])
 
 
 @kernel
@@ -172,12 +178,18 @@ def _weights_to_parents(pixel: Int32, back: Uint8, weights: Uint8, width: int, w
         weight[k] = weights[pixel[k] + edge[back[k]]]
 
 
-@kernel(parallel=True)
+@kernel
 def _spanning_trees(
-    room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
+    counter: Int64, end: int, arenas: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
 ) -> None:
-    for view in numba.prange(room.shape[0]):
-        build_tree(room[view], weight[view], scratch[view], links[view], weights[view])
+    share(_spanning_tree, counter, end, arenas, (room, weight, scratch, links, weights))
+
+
+@kernel
+def _spanning_tree(
+    view: int, _arena: Uint8, room: Int32, weight: Uint8, scratch: Int32, links: Uint8, weights: Uint8
+) -> None:
+    build_tree(room[view], weight[view], scratch[view], links[view], weights[view])
 
 
 @kernel

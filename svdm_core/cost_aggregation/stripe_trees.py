@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..kernels.arrays import Float32, Int32, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
 from ..kernels.instructions import multiply_high
 from ..kernels.stripes import STRIPE, Rows, stripe_count, stripe_rows
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from ..kernels.vectors import pointer
 from ..kernels.wide import load_wide, narrow_wide, shift_right, splat_wide, store_wide, widen
 from ..matching_cost.byte_costs import ByteCosts, cost_at, cost_row
@@ -84,17 +83,13 @@ def _span(rows: Rows, stripe: int) -> tuple[int, int]:
     return max(0, first - halo), min(rows.height, last + halo)
 
 
-@kernel(parallel=True)
+@kernel
 def build_stripe_trees(
     counter: Int64, end: int, arenas: Uint8, trees: StripeTrees, rows: Rows, view: int, edges: Edges,
     similarities: Float32,
 ) -> None:
     """One tree a task. similarities: float32 (256), support by weight."""
-    for worker in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _build(task, arenas[worker], trees, rows, view, edges, similarities)
-            task = take(counter)
+    share(_build, counter, end, arenas, (trees, rows, view, edges, similarities))
 
 
 @kernel
@@ -149,16 +144,12 @@ def _fill_shares(
         down[k] = _sixteen_bits(s * total[q] / total[k])
 
 
-@kernel(parallel=True)
+@kernel
 def aggregate_blocks(
     counter: Int64, end: int, arenas: Uint8, trees: StripeTrees, rows: Rows, view: int, costs: ByteCosts, volume: Uint8
 ) -> None:
     """Stages 1 and 2 of UNIT disparities of a stripe a task; volume: uint8 (rows * W * lanes), by pixel."""
-    for worker in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _aggregate_block(task, arenas[worker], trees, rows, view, costs, volume)
-            task = take(counter)
+    share(_aggregate_block, counter, end, arenas, (trees, rows, view, costs, volume))
 
 
 @kernel

@@ -4,13 +4,12 @@ from __future__ import annotations
 import functools
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..kernels.arrays import Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK, Rows
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from ..matching_cost.edges import Edges
 
 
@@ -38,20 +37,16 @@ def p2_table(p1: float, p2: float, p2_edge: float) -> Uint8:
     return np.clip(np.rint(p2 / weights), p1, 255).astype(np.uint8)
 
 
-@kernel(parallel=True)
+@kernel
 def fill_penalties(
     counter: Int64, end: int, arenas: Uint8, penalties: Penalties, edges: Edges, left: Rows, right: Rows
 ) -> None:
     """Blocks of BLOCK rows of the left view, then of the right one."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _fill_block(task, penalties, edges, left, right)
-            task = take(counter)
+    share(_fill_block, counter, end, arenas, (penalties, edges, left, right))
 
 
 @kernel
-def _fill_block(task: int, penalties: Penalties, edges: Edges, left: Rows, right: Rows) -> None:
+def _fill_block(task: int, _arena: Uint8, penalties: Penalties, edges: Edges, left: Rows, right: Rows) -> None:
     blocks = (left.height + BLOCK - 1) // BLOCK
     view = 0 if task < blocks else 1
     rows = left if view == 0 else right

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
-
 from ..cost_aggregation.box import box_row
 from ..kernels.arrays import Float32, Int16, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import OVERLAP, STRIPE, Rows, stripe_rows
-from ..kernels.tasks import take, whole_lines
+from ..kernels.tasks import share, whole_lines
 from ..kernels.wide import UNIT, Lanes
 from ..matching_cost.byte_costs import ByteCosts
 from .paths import ADDED, AVERAGED, FROM_LEFT, ROWS, Line, along_columns, along_rows, fill_vertices, take_winners
@@ -56,17 +54,13 @@ def scratch_size(width: int, lanes: int, paths: int) -> int:
     return (3 + 2 * ROWS + 1 + stored) * row + whole_lines(width)
 
 
-@kernel(parallel=True)
+@kernel
 def smooth_stripes(
     counter: Int64, end: int, arenas: Uint8, costs: ByteCosts, penalties: Penalties, views: Views,
     winners: StripeWinners, lanes: Lanes,
 ) -> None:
     """The stripes of the left view, then those of the right one."""
-    for worker in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _smooth_stripe(task, arenas[worker], costs, penalties, views, winners, lanes)
-            task = take(counter)
+    share(_smooth_stripe, counter, end, arenas, (costs, penalties, views, winners, lanes))
 
 
 class _Scratch(NamedTuple):

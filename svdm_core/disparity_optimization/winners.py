@@ -3,11 +3,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
-from ..kernels.arrays import Float32, Int16, Int32
+from ..kernels.arrays import Float32, Int16, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from ..kernels.vectors import pointer, smallest
 from ..matching_cost.float_costs import BLOCK
 
@@ -59,8 +59,8 @@ def winners_of(
     """
     winner = np.empty((2, *shape), np.int16)
     vertex = np.empty(shape, np.float32)
-    _images(pixel, winners, winners.best.view(np.float32), num_disparities - 1, per_slot, winner.reshape(2, -1),
-            vertex.reshape(-1))
+    images = _Images(winners.best.view(np.float32), winner.reshape(2, -1), vertex.reshape(-1))
+    do_tasks(_fill_images, -(-pixel.shape[1] // _CHUNK), pixel, winners, (num_disparities - 1, per_slot), images)
     return winner[0], winner[1], vertex
 
 
@@ -125,19 +125,27 @@ def _best_slot(best: Int32, k: int) -> int:
     return winner
 
 
-@kernel(parallel=True)
-def _images(
-    pixel: Int32, winners: BestSoFar, cost: Float32, end: int, per_slot: int, winner: Int16, vertex: Float32
+class _Images(NamedTuple):
+    """winner: int16 (2, N), vertex: float32 (N), by pixel. cost: float32 (2, slots, N), `BestSoFar.best`."""
+
+    cost: Float32
+    winner: Int16
+    vertex: Float32
+
+
+@kernel
+def _fill_images(
+    counter: Int64, end: int, arenas: Uint8, pixel: Int32, winners: BestSoFar, limits: tuple[int, int], images: _Images
 ) -> None:
-    for chunk in numba.prange(-(-pixel.shape[1] // _CHUNK)):
-        _images_of_chunk(chunk, pixel, winners, cost, (end, per_slot), winner, vertex)
+    share(_images_of_chunk, counter, end, arenas, (pixel, winners, limits, images))
 
 
 @kernel
 def _images_of_chunk(
-    chunk: int, pixel: Int32, winners: BestSoFar, cost: Float32, limits: tuple[int, int], winner: Int16, vertex: Float32
+    chunk: int, _arena: Uint8, pixel: Int32, winners: BestSoFar, limits: tuple[int, int], images: _Images
 ) -> None:
     end, per_slot = limits
+    cost, winner, vertex = images
     for k in range(chunk * _CHUNK, min(pixel.shape[1], (chunk + 1) * _CHUNK)):
         winner[1, pixel[1, k]] = winners.disparity[1, _best_slot(winners.best[1], k), k]
         slot = _best_slot(winners.best[0], k)

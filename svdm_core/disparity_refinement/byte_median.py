@@ -8,13 +8,12 @@ from __future__ import annotations
 import functools
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from ..kernels.arrays import Bool, Float32, Int16, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
 from ..kernels.instructions import multiply_high
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from ..kernels.vectors import pointer
 from ..kernels.wide import (
     UNIT,
@@ -97,18 +96,14 @@ def empty_maps(shape: tuple[int, ...], w_p: int) -> tuple[Uint8, Uint8]:
     return np.zeros((rows, pitch), np.uint8), np.zeros((channels, rows, pitch), np.uint8)
 
 
-@kernel(parallel=True)
+@kernel
 def fill_margins(counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, side: int, levels: Uint8) -> None:
     """Labels and guide, ROWS rows a task; levels: uint8 (C, H, W)."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _fill_rows(task, maps, side // 2, levels)
-            task = take(counter)
+    share(_fill_rows, counter, end, arenas, (maps, side // 2, levels))
 
 
 @kernel
-def _fill_rows(task: int, maps: MedianMaps, r: int, levels: Uint8) -> None:
+def _fill_rows(task: int, _arena: Uint8, maps: MedianMaps, r: int, levels: Uint8) -> None:
     height, width = maps.filled.shape
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
         for x in range(width):
@@ -122,20 +117,16 @@ def scratch_size(w_p: int) -> int:
     return 2 * (w_p * UNIT * len(window_lanes(w_p)) + _SPARE)
 
 
-@kernel(parallel=True)
+@kernel
 def take_medians(
     counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, window: MedianWindow, lanes: Lanes
 ) -> None:
     """The finished map, ROWS rows a task: valid pixels keep their disparity, the rest get their median."""
-    for worker in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _finish_rows(task, maps, window, arenas[worker], lanes)
-            task = take(counter)
+    share(_finish_rows, counter, end, arenas, (maps, window, lanes))
 
 
 @kernel
-def _finish_rows(task: int, maps: MedianMaps, window: MedianWindow, arena: Uint8, lanes: Lanes) -> None:
+def _finish_rows(task: int, arena: Uint8, maps: MedianMaps, window: MedianWindow, lanes: Lanes) -> None:
     height, width = maps.filled.shape
     here = _pointers(maps, window, arena, len(lanes) * UNIT)
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):

@@ -3,13 +3,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..kernels.arrays import Bool, Int16, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 
 
 class Checked(NamedTuple):
@@ -27,18 +26,14 @@ class Checked(NamedTuple):
     filled: Int16
 
 
-@kernel(parallel=True)
+@kernel
 def check_and_fill(counter: Int64, end: int, arenas: Uint8, checked: Checked) -> None:
     """Blocks of BLOCK rows."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _check_rows(task, checked)
-            task = take(counter)
+    share(_check_rows, counter, end, arenas, (checked,))
 
 
 @kernel
-def _check_rows(task: int, checked: Checked) -> None:
+def _check_rows(task: int, _arena: Uint8, checked: Checked) -> None:
     for y in range(task * BLOCK, min(checked.left.shape[0], (task + 1) * BLOCK)):
         right = checked.right[min(y // checked.every, checked.right.shape[0] - 1)]
         _check_row(checked.left[y], right, checked.min_disparity, checked.tau_lr, checked.valid[y])

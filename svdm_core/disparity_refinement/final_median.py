@@ -4,7 +4,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
@@ -12,7 +11,7 @@ from numba.extending import intrinsic
 from ..kernels.arrays import Float32, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from ..kernels.vectors import pointer
 from ..kernels.wide import UNIT, Wide, least_of, loaded, most_of, store_wide
 from .byte_median import STEPS
@@ -56,16 +55,12 @@ def _window_median(_: Any, elements: Any, index: Any, pitch: Any, side: Any) -> 
 window_median: Any = _window_median  # called without the typing context
 
 
-@kernel(parallel=True)
+@kernel
 def smooth_map(
     counter: Int64, end: int, arenas: Uint8, fixed: Uint16, side: int, min_disparity: int, disparity: Float32
 ) -> None:
     """disparity: float32 (H, W), px, medians of fixed, uint16 (H, W) in 1 / STEPS px; side 1, 3 or 5."""
-    for worker in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _smooth_rows(task, fixed, side, min_disparity, disparity, arenas[worker].view(np.uint16))
-            task = take(counter)
+    share(_smooth_rows, counter, end, arenas, (fixed, side, min_disparity, disparity))
 
 
 def scratch_size(width: int) -> int:
@@ -75,8 +70,9 @@ def scratch_size(width: int) -> int:
 
 @kernel
 def _smooth_rows(
-    task: int, fixed: Uint16, side: int, min_disparity: int, disparity: Float32, scratch: Uint16
+    task: int, arena: Uint8, fixed: Uint16, side: int, min_disparity: int, disparity: Float32
 ) -> None:
+    scratch = arena.view(np.uint16)
     height, width = fixed.shape
     first, last = task * BLOCK, min(height, (task + 1) * BLOCK)
     r, pitch = side // 2, width + 4 + UNIT

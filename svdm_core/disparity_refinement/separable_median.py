@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from ..kernels.arrays import Bool, Float32, Int32
+from ..kernels.arrays import Bool, Float32, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from ..kernels.vectors import lane_sum, load, pointer, splat, store
 
 # float32 in a vector: labels are counted in whole vectors.
@@ -42,7 +42,8 @@ def separable_median(
     alike = np.exp(-(np.arange(-bins, bins) / sigma_label) ** 2).astype(np.float32)
     medians, certain = np.empty(labels.shape, np.int32), np.empty(labels.shape, np.bool_)
     error = np.float32(2 * _WEIGHT_ERROR * window**2 / scale)
-    _medians(labels, _Weights(lowest, bins, near, alike, error), medians, certain)
+    do_tasks(_take_medians, -(-labels.shape[0] // _ROWS), labels, _Weights(lowest, bins, near, alike, error), medians,
+             certain)
     return medians, certain
 
 
@@ -57,15 +58,22 @@ class _Weights(NamedTuple):
     error: np.float32
 
 
-@kernel(parallel=True)
-def _medians(labels: Int32, weights: _Weights, medians: Int32, certain: Bool) -> None:
+@kernel
+def _take_medians(
+    counter: Int64, end: int, arenas: Uint8, labels: Int32, weights: _Weights, medians: Int32, certain: Bool
+) -> None:
+    share(_medians_of_rows, counter, end, arenas, (labels, weights, medians, certain))
+
+
+@kernel
+def _medians_of_rows(
+    task: int, _arena: Uint8, labels: Int32, weights: _Weights, medians: Int32, certain: Bool
+) -> None:
     height, width = labels.shape
-    bins = weights.bins
-    for task in numba.prange(-(-height // _ROWS)):
-        columns, histogram = np.empty(width * bins, np.float32), np.empty(bins, np.float32)
-        for y in range(task * _ROWS, min(height, (task + 1) * _ROWS)):
-            _column_histograms(labels, y, weights, columns)
-            _medians_of_row(labels[y], weights, columns, histogram, medians[y], certain[y])
+    columns, histogram = np.empty(width * weights.bins, np.float32), np.empty(weights.bins, np.float32)
+    for y in range(task * _ROWS, min(height, (task + 1) * _ROWS)):
+        _column_histograms(labels, y, weights, columns)
+        _medians_of_row(labels[y], weights, columns, histogram, medians[y], certain[y])
 
 
 @kernel

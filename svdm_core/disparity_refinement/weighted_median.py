@@ -5,14 +5,14 @@ to find the median, and any number of threads, gives the same one.
 """
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.arrays import Bool, Float32, Int32
+from ..kernels.arrays import Bool, Float32, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from .separable_median import separable_median
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
@@ -45,13 +45,14 @@ def weighted_median(
     """
     near = _surrounded(labels[None], np.int32(1), window // 2, np.int32(0))[0]
     there = _surrounded(guide, np.float32(1 / sigma_c), window // 2, _NO_NEIGHBOUR)
-    exponents, scale = _spatial_exponents(window, sigma_s), _weight_scale(window)
+    around = _Window(window, _spatial_exponents(window, sigma_s), _weight_scale(window))
     result = labels.copy()
     if wanted is None:
         settled = np.empty(labels.shape, np.bool_)
-        _settle(near, there, exponents, window, scale, settled)
+        do_tasks(_settle, labels.shape[0], near, there, around, settled)
         wanted = ~settled
-    _search(near, there, np.flatnonzero(wanted), exponents, window, scale, result)
+    pixels = np.flatnonzero(wanted)
+    do_tasks(_search, -(-pixels.size // _CHUNK), near, there, pixels, around, result)
     return result
 
 
@@ -68,21 +69,11 @@ def weighted_median_of_disparity(
     return np.where(certain, medians, left_over)
 
 
-@kernel(parallel=True)
 def _surrounded(planes: NDArray[Any], factor: Any, margin: int, outside: Any) -> NDArray[Any]:
     """planes (C, H, W) times factor, with margins of `outside`: on the right one more vector, which kernels load."""
     channels, height, width = planes.shape
-    result = np.empty((channels, height + 2 * margin, width + 2 * margin + _LANES), planes.dtype)
-    for y in numba.prange(height + 2 * margin):
-        for c in range(channels):
-            to = result[c, y]
-            inside = margin <= y < height + margin
-            to[:margin if inside else to.size] = outside
-            if inside:
-                source = planes[c, y - margin]
-                for x in range(width):
-                    to[margin + x] = source[x] * factor
-                to[margin + width:] = outside
+    result = np.full((channels, height + 2 * margin, width + 2 * margin + _LANES), outside, planes.dtype)
+    np.multiply(planes, factor, out=result[:, margin:margin + height, margin:margin + width])
     return result
 
 
@@ -142,54 +133,73 @@ def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equ
         equal[i] += np.int32(other == label) * weight
 
 
-@kernel(parallel=True)
-def _settle(labels: Int32, guide: Float32, exponents: Float32, window: int, scale: np.float32, settled: Bool) -> None:
+class _Window(NamedTuple):
+    """The window of the median: its side, px; the exponents of its weights; the weight 1."""
+
+    side: int
+    exponents: Float32
+    scale: np.float32
+
+
+@kernel
+def _settle(
+    counter: Int64, end: int, arenas: Uint8, labels: Int32, guide: Float32, window: _Window, settled: Bool
+) -> None:
+    share(_settle_row, counter, end, arenas, (labels, guide, window, settled))
+
+
+@kernel
+def _settle_row(
+    y: int, _arena: Uint8, labels: Int32, guide: Float32, window: _Window, settled: Bool
+) -> None:
     """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
 
-    Whole rows at a time, one offset of the window after the other, so that neighbouring pixels share
+    A whole row at a time, one offset of the window after the other, so that neighbouring pixels share
     vector instructions. labels and guide have their margins.
     """
-    height, width = settled.shape
-    r = window // 2
-    for y in numba.prange(height):
-        weights = np.empty(width, np.int32)
-        balance = np.zeros(width, np.int32)
-        equal = np.zeros(width, np.int32)
-        for i in range(window):
-            for j in range(window):
-                if guide.shape[0] == 1:
-                    _row_weights_grey(guide[0, y + r, r:r + width], guide[0, y + i, j:j + width],
-                                      exponents[i, j], scale, weights)
-                else:
-                    here = (guide[0, y + r, r:r + width], guide[1, y + r, r:r + width],
-                            guide[2, y + r, r:r + width])
-                    there = (guide[0, y + i, j:j + width], guide[1, y + i, j:j + width],
-                             guide[2, y + i, j:j + width])
-                    _row_weights_colour(here, there, exponents[i, j], scale, weights)
-                _weigh_labels(weights, labels[y + r, r:r + width], labels[y + i, j:j + width], balance, equal)
-        for x in range(width):
-            settled[y, x] = -equal[x] < balance[x] <= equal[x]
+    width, r = settled.shape[1], window.side // 2
+    weights = np.empty(width, np.int32)
+    balance = np.zeros(width, np.int32)
+    equal = np.zeros(width, np.int32)
+    for i in range(window.side):
+        for j in range(window.side):
+            exponent = window.exponents[i, j]
+            if guide.shape[0] == 1:
+                _row_weights_grey(guide[0, y + r, r:r + width], guide[0, y + i, j:j + width], exponent,
+                                  window.scale, weights)
+            else:
+                here = (guide[0, y + r, r:r + width], guide[1, y + r, r:r + width], guide[2, y + r, r:r + width])
+                there = (guide[0, y + i, j:j + width], guide[1, y + i, j:j + width], guide[2, y + i, j:j + width])
+                _row_weights_colour(here, there, exponent, window.scale, weights)
+            _weigh_labels(weights, labels[y + r, r:r + width], labels[y + i, j:j + width], balance, equal)
+    for x in range(width):
+        settled[y, x] = -equal[x] < balance[x] <= equal[x]
 
 
-@kernel(parallel=True)
+@kernel
 def _search(
-    labels: Int32, guide: Float32, pixels: NDArray[np.int64], exponents: Float32, window: int, scale: np.float32,
-    result: Int32,
+    counter: Int64, end: int, arenas: Uint8, labels: Int32, guide: Float32, pixels: NDArray[np.int64],
+    window: _Window, result: Int32,
+) -> None:
+    share(_search_chunk, counter, end, arenas, (labels, guide, pixels, window, result))
+
+
+@kernel
+def _search_chunk(
+    chunk: int, _arena: Uint8, labels: Int32, guide: Float32, pixels: NDArray[np.int64], window: _Window, result: Int32
 ) -> None:
     """result[p] = weighted median at each flat pixel index p of `pixels`; labels and guide have their margins."""
-    width = result.shape[1]
-    r = window // 2
-    for chunk in numba.prange(-(-pixels.size // _CHUNK)):
-        near = np.empty(exponents.size, np.int32)
-        weights = np.empty(exponents.size, np.int32)
-        for p in pixels[chunk * _CHUNK:(chunk + 1) * _CHUNK]:
-            y, x = p // width, p % width
-            if guide.shape[0] == 1:
-                _window_weights_grey(guide[0], y, x, r, exponents, scale, weights)
-            else:
-                _window_weights_colour(guide, y, x, r, exponents, scale, weights)
-            _window_labels(labels, y, x, exponents, near)
-            result[y, x] = _median(near, weights, labels[y + r, x + r])
+    width, r, exponents = result.shape[1], window.side // 2, window.exponents
+    near = np.empty(exponents.size, np.int32)
+    weights = np.empty(exponents.size, np.int32)
+    for p in pixels[chunk * _CHUNK:(chunk + 1) * _CHUNK]:
+        y, x = p // width, p % width
+        if guide.shape[0] == 1:
+            _window_weights_grey(guide[0], y, x, r, exponents, window.scale, weights)
+        else:
+            _window_weights_colour(guide, y, x, r, exponents, window.scale, weights)
+        _window_labels(labels, y, x, exponents, near)
+        result[y, x] = _median(near, weights, labels[y + r, x + r])
 
 
 @kernel

@@ -22,25 +22,20 @@ def kernel[Function: Callable[..., Any]](function: Function, /) -> Function: ...
 
 
 @overload
-def kernel[Function: Callable[..., Any]](
-    *, parallel: bool = False, inline: bool = False
-) -> Callable[[Function], Function]: ...
+def kernel[Function: Callable[..., Any]](*, inline: bool = False) -> Callable[[Function], Function]: ...
 
 
-def kernel(
-    function: Callable[..., Any] | None = None, /, *, parallel: bool = False, inline: bool = False
-) -> Any:
-    """`@kernel`, or `@kernel(parallel=True)` where its `numba.prange` loops are to run on all threads.
+def kernel(function: Callable[..., Any] | None = None, /, *, inline: bool = False) -> Any:
+    """The function is compiled at its first call with arguments of new types, or loaded from the cache.
 
-    The function is compiled at its first call with arguments of new types, or loaded from the cache. It runs without
-    the GIL. LLVM decides what is inlined, but for what is `inline`: part of each kernel that calls it.
+    It runs without the GIL; on all threads what it shares by `tasks.share`. LLVM decides what is inlined, but for what
+    is `inline`: part of each kernel that calls it.
     """
     def decorate[Function: Callable[..., Any]](function: Function) -> Function:
         before = _SETTINGS.CACHE_DIR
         _SETTINGS.CACHE_DIR = str(cache_folder())  # numba settles where a kernel is cached when it is decorated
         try:
-            return cast(Function, numba.njit(cache=True, nogil=True, parallel=parallel,
-                                             inline='always' if inline else 'never')(function))
+            return cast(Function, numba.njit(cache=True, nogil=True, inline='always' if inline else 'never')(function))
         finally:
             _SETTINGS.CACHE_DIR = before
 

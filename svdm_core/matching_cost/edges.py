@@ -6,13 +6,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from ..kernels.arrays import Image, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK, Rows
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from .preparation import PairImages
 
 
@@ -32,20 +31,16 @@ def empty_edges(rows: Rows) -> Edges:
     return Edges(across, down)
 
 
-@kernel(parallel=True)
+@kernel
 def fill_edges(
     counter: Int64, end: int, arenas: Uint8, edges: Edges, images: PairImages, left: Rows, right: Rows
 ) -> None:
     """Blocks of BLOCK rows of the left view, then of the right one."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _fill_task(task, edges, images, left, right)
-            task = take(counter)
+    share(_fill_task, counter, end, arenas, (edges, images, left, right))
 
 
 @kernel
-def _fill_task(task: int, edges: Edges, images: PairImages, left: Rows, right: Rows) -> None:
+def _fill_task(task: int, _arena: Uint8, edges: Edges, images: PairImages, left: Rows, right: Rows) -> None:
     blocks = (left.height + BLOCK - 1) // BLOCK
     if task < blocks:
         _fill_block(task, edges.across[0], edges.down[0], images.left, images.level_gain, left, False)

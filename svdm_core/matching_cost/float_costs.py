@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
-from ..kernels.arrays import Float32, Int16, Int32, Uint8
+from ..kernels.arrays import Float32, Int16, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
+from ..kernels.tasks import do_tasks, share
 from ..kernels.vectors import absolute, count_ones, load, minimum, pointer, splat, to_float, where_equal
 from ..parameters import MatcherParameters
 from .byte_costs import has_differences
@@ -73,16 +73,22 @@ def empty_values(planes: MatchingPlanes, nodes: int) -> NodeValues:
                       np.zeros((2, bytes_), np.uint8), planes.values, planes.census, planes.before)
 
 
-@kernel(parallel=True)
 def gather_values(nodes: NodeValues, pixel: Int32, width: int) -> None:
     """Of the nodes of two trees, pixel int32 (2, N), W = width."""
-    chunks = -(-pixel.shape[1] // _CHUNK)
-    for task in numba.prange(2 * chunks):
-        _gather_chunk(task // chunks, task % chunks, nodes, pixel, width)
+    do_tasks(_gather_chunks, 2 * -(-pixel.shape[1] // _CHUNK), nodes, pixel, width)
 
 
 @kernel
-def _gather_chunk(view: int, chunk: int, nodes: NodeValues, pixel: Int32, width: int) -> None:
+def _gather_chunks(
+    counter: Int64, end: int, arenas: Uint8, nodes: NodeValues, pixel: Int32, width: int
+) -> None:
+    share(_gather_chunk, counter, end, arenas, (nodes, pixel, width))
+
+
+@kernel
+def _gather_chunk(task: int, _arena: Uint8, nodes: NodeValues, pixel: Int32, width: int) -> None:
+    chunks = -(-pixel.shape[1] // _CHUNK)
+    view, chunk = task // chunks, task % chunks
     planes, pitch = nodes.values.shape[1], nodes.values.shape[3]
     for k in range(chunk * _CHUNK, min(pixel.shape[1], (chunk + 1) * _CHUNK)):
         y, x = pixel[view, k] // width, pixel[view, k] % width

@@ -4,13 +4,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 
 from ..kernels.arrays import Image, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
-from ..kernels.tasks import take
+from ..kernels.tasks import share
 from .intensity_range import IntensityRange
 from .planes import MatchingPlanes, fill_planes
 
@@ -34,18 +33,14 @@ class PairImages(NamedTuple):
     level_unit: np.float32
 
 
-@kernel(parallel=True)
+@kernel
 def fill_levels(counter: Int64, end: int, arenas: Uint8, images: PairImages) -> None:
     """Blocks of rows of either view: grey images, and the levels of the left one."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _fill_level_block(task, images)
-            task = take(counter)
+    share(_fill_level_block, counter, end, arenas, (images,))
 
 
 @kernel
-def _fill_level_block(task: int, images: PairImages) -> None:
+def _fill_level_block(task: int, _arena: Uint8, images: PairImages) -> None:
     blocks = (images.left.shape[0] + BLOCK - 1) // BLOCK
     view, block = task // blocks, task % blocks
     image, grey = (images.left, images.left_grey) if view == 0 else (images.right, images.right_grey)
@@ -72,21 +67,19 @@ def _level_row(row: Image, offset: np.float32, gain: np.float32, levels: Uint8) 
         levels[x] = np.uint8(min(max(value, np.float32(0)), np.float32(255)))
 
 
-@kernel(parallel=True)
+@kernel
 def fill_plane_blocks(
     counter: Int64, end: int, arenas: Uint8, images: PairImages, planes: MatchingPlanes, unit: np.float32,
     magnitude: bool,
 ) -> None:
     """Blocks of rows of either view: planes of values and census; unit: what intensity 1 is in them."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            _fill_block(task, images, planes, unit, magnitude)
-            task = take(counter)
+    share(_fill_block, counter, end, arenas, (images, planes, unit, magnitude))
 
 
 @kernel
-def _fill_block(task: int, images: PairImages, planes: MatchingPlanes, unit: np.float32, magnitude: bool) -> None:
+def _fill_block(
+    task: int, _arena: Uint8, images: PairImages, planes: MatchingPlanes, unit: np.float32, magnitude: bool
+) -> None:
     height = images.left.shape[0]
     blocks = (height + BLOCK - 1) // BLOCK
     view, block = task // blocks, task % blocks

@@ -8,7 +8,7 @@ from svdm_core import MatcherParameters, StereoMatcher, load_preset, parameter_i
 from svdm_core.commands.cli import main
 from svdm_core.cost_aggregation import AGGREGATIONS, Aggregation
 from svdm_core.cost_aggregation.aggregation import StripeAggregation
-from svdm_core.kernels.tasks import take
+from svdm_core.kernels.tasks import share
 from svdm_core.kernels.vectors import pointer
 from svdm_core.kernels.wide import UNIT, store_wide
 from svdm_core.matching_cost.byte_costs import cost_at, cost_row
@@ -16,17 +16,19 @@ from svdm_core.phases import Phase
 from svdm_ros.parameter_reference import markdown_table
 
 
-@numba.njit(parallel=True)
+@numba.njit
+def copy_row(y, _arena, costs, view, rows, lanes, volume):
+    """The costs of each pixel alone."""
+    row = cost_row(costs, view, rows.offset + rows.every * y, rows.width, 0)
+    to, behind = pointer(volume), pointer(costs.behind)
+    for x in range(rows.width):
+        store_wide(to, (y * rows.width + x) * UNIT * len(lanes), cost_at(row, x, behind, lanes))
+
+
+@numba.njit
 def copy_costs(counter, end, arenas, costs, view, rows, lanes, volume):
-    """A row a task: the costs of each pixel alone."""
-    for _ in numba.prange(arenas.shape[0]):
-        task = take(counter)
-        while task < end:
-            row = cost_row(costs, view, rows.offset + rows.every * task, rows.width, 0)
-            to, behind = pointer(volume), pointer(costs.behind)
-            for x in range(rows.width):
-                store_wide(to, (task * rows.width + x) * UNIT * len(lanes), cost_at(row, x, behind, lanes))
-            task = take(counter)
+    """A row a task."""
+    share(copy_row, counter, end, arenas, (costs, view, rows, lanes, volume))
 
 
 class AloneAggregation(StripeAggregation):
