@@ -3,13 +3,13 @@ from __future__ import annotations
 
 import sys
 
-from .end_signals import EndSignals
+from .node.end_signals import EndSignals
 
 
 def main() -> int:
     """Entry point; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     signals = EndSignals()
-    from .node_process import run  # takes a second, as rclpy, numba and OpenCV come with it
+    from .node.process import run  # takes a second, as rclpy, numba and OpenCV come with it
 
     return run(signals)
 

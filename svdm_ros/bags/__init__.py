@@ -1,1 +1,1 @@
-"""Recordings without a running ROS: rosbag2 and ROS 1 bags read and written with rosbags. Imports no rclpy."""
+"""Recordings without a running ROS: rosbag2 and ROS 1 bags, by way of rosbags. Only `play` imports rclpy."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from svdm_core.commands.argument_types import positive
 
-from .command import ending
+from ..command_line.command import ending
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -17,7 +17,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from .image_bag import run  # takes a second, as OpenCV and rosbags come with it
+    from .images.image_bag import run  # takes a second, as OpenCV and rosbags come with it
 
     return run(options)
 

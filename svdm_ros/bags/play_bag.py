@@ -7,7 +7,7 @@ from pathlib import Path
 
 from svdm_core.commands.argument_types import count, not_negative, positive
 
-from ..end_signals import EndSignals
+from ..node.end_signals import EndSignals
 
 _CLOCK_HZ = 40.0
 _ENDLESS = 0
@@ -20,7 +20,7 @@ def main() -> int:
     EndSignals()  # until rclpy is there, a signal ends it at once
     options, ros_arguments = _parse(sys.argv[1:])
     try:
-        from .playback import play  # takes a second, as rclpy comes with it
+        from .play.playback import play  # takes a second, as rclpy comes with it
     except ImportError as error:
         print(f'play_bag: {error}: it needs ROS 2 Jazzy and rosbags (pip install rosbags)', file=sys.stderr)
         return 2

@@ -19,7 +19,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        from .process_command import run  # takes seconds, as numba, OpenCV and rosbags come with it
+        from .process.process_command import run  # takes seconds, as numba, OpenCV and rosbags come with it
 
         return run(options)
     except OSError as error:

@@ -11,7 +11,7 @@ from types import FrameType
 from svdm_core.commands.argument_types import count, positive
 from svdm_core.runtime import configure
 
-from .processes import DemoError
+from ..processes.children import RunError
 
 NEEDED = {
     'rclpy': 'ROS 2', 'stereo_msgs': 'ROS 2', 'skimage': 'scikit-image', 'matplotlib': 'matplotlib', 'rich': 'rich'
@@ -29,7 +29,7 @@ def main() -> int:
         from .run import Settings, run_demo  # needs what was checked
 
         run_demo(Settings(arguments.output, arguments.frames, arguments.rate))
-    except DemoError as error:
+    except RunError as error:
         print(f'demo: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:
@@ -50,7 +50,7 @@ def _check_installed() -> None:
     missing = sorted({name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None})
     if missing:
         names = ' and '.join(missing)
-        raise DemoError(f'{names} not found: run `make demo`, or source ROS 2 Jazzy and install the rest with pip')
+        raise RunError(f'{names} not found: run `make demo`, or source ROS 2 Jazzy and install the rest with pip')
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

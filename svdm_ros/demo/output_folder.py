@@ -4,7 +4,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from .processes import DemoError
+from ..processes.children import RunError
 
 MARKER = '.written_by_svdm_demo'
 WRITTEN = ('summary.json', 'comparison.png', 'node.log', 'publisher.log', 'fastdds.xml', 'ros_log')
@@ -13,20 +13,20 @@ WRITTEN = ('summary.json', 'comparison.png', 'node.log', 'publisher.log', 'fastd
 def prepare_output_folder(folder: Path) -> Path:
     """Make `folder`, or empty it of what an earlier demo wrote; returns its absolute path.
 
-    Raises DemoError where it holds something that no demo put there.
+    Raises RunError where it holds something that no demo put there.
     """
     folder = folder.resolve()
     if folder.exists() and not folder.is_dir():
-        raise DemoError(f'{folder} is a file: choose another folder with --output')
+        raise RunError(f'{folder} is a file: choose another folder with --output')
     if folder.is_dir() and not (folder / MARKER).exists() and any(folder.iterdir()):
-        raise DemoError(f'{folder} holds files that are not from this demo: choose another folder with --output')
+        raise RunError(f'{folder} holds files that are not from this demo: choose another folder with --output')
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / MARKER).touch()
         for name in WRITTEN:
             _remove(folder / name)
     except OSError as error:
-        raise DemoError(f'cannot write to {folder}: {error.strerror}') from None
+        raise RunError(f'cannot write to {folder}: {error.strerror}') from None
     return folder
 
 

@@ -13,7 +13,7 @@ matplotlib.use('Agg')  # files only; no display is needed
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from .scene import NUM_DISPARITIES, Scene
+from ..processes.scene import NUM_DISPARITIES, Scene
 
 ERROR_SHOWN = 8.0  # px; larger errors get the last colour
 UNKNOWN = '0.55'  # grey

@@ -17,14 +17,15 @@ from rclpy.signals import SignalHandlerOptions
 from svdm_core import load_preset
 from svdm_core.presets import preset_folder
 
+from ..processes.camera import SENT
+from ..processes.children import Child, isolated_environment
+from ..processes.dds_profile import write_profile
+from ..processes.scene import MOTORCYCLE, NUM_DISPARITIES, Scene, load_scene
+from ..processes.session import Frame, Session
 from . import summary as figures
 from .display import Display
 from .output_folder import prepare_output_folder
 from .picture import draw_comparison
-from .processes import Child, isolated_environment, write_profile
-from .publisher import SENT
-from .scene import MOTORCYCLE, NUM_DISPARITIES, Scene, load_scene
-from .session import Frame, Session
 
 START_PRESET, TUNED_PRESET = 'paper_start', 'paper'
 TUNED = ('alpha', 'sigma_s', 'sigma_c', 'w_p')  # what the paper's study optimises
@@ -54,7 +55,7 @@ class Recording:
 
 
 def run_demo(settings: Settings) -> dict[str, Any]:
-    """Run it all and write comparison.png and summary.json; returns the summary. Raises DemoError (`processes`)."""
+    """Run it all and write comparison.png and summary.json; returns the summary. Raises RunError."""
     folder = prepare_output_folder(settings.output)
     os.environ.update(isolated_environment(
         folder / 'ros_log', write_profile(preset_folder() / 'fastdds.xml', folder / 'fastdds.xml')))
@@ -84,7 +85,7 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
 
         with display.stage(f'Starting the camera: Motorcycle at {settings.rate:g} Hz'):
             camera = _started(stack, Child(
-                'camera', folder / 'publisher.log', 'svdm_ros.demo.publisher', '--rate', str(settings.rate)))
+                'camera', folder / 'publisher.log', 'svdm_ros.processes.camera', '--rate', str(settings.rate)))
             children.append(camera)
             session.wait_for(lambda: bool(session.frames), START_TIMEOUT, 'no disparity image arrived')
         with display.stage(f'Receiving with preset {START_PRESET}', settings.frames) as progress:

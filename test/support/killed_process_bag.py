@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from recordings import ROS2, image, stereo, write
 
-from svdm_ros.bags import partial_bag, process
+from svdm_ros.bags.process import processing
 from svdm_ros.bags.process_bag import main
+from svdm_ros.bags.writing import partial_bag
 
 STEPS = ('os.rename', 'os.remove', 'os.rmdir', 'os.mkdir', 'open')
 """The events by which Python tells of what changes a folder; os.replace is a rename, os.unlink a remove."""
@@ -76,7 +77,7 @@ def process_bag(arguments, log, kill_at, begin):
 
 def warm_up():
     """Have everything imported that a run needs."""
-    process.FrameProcessor = QuickProcessor
+    processing.FrameProcessor = QuickProcessor
     partial_bag.SEGMENT_BYTES = 30_000
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(None):
         bag = write(Path(folder) / 'bag', stereo(1))

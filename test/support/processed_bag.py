@@ -2,8 +2,8 @@
 import os
 import sys
 
-from svdm_ros.bags import partial_bag
 from svdm_ros.bags.process_bag import main
+from svdm_ros.bags.writing import partial_bag
 
 SEGMENT = 500_000
 

@@ -9,7 +9,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 from scenes import two_walls
 
-from svdm_ros.bags.recording import open_recording
+from svdm_ros.bags.reading.recording import open_recording
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
 MS = 1_000_000

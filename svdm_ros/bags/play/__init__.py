@@ -1,0 +1,1 @@
+"""`play_bag`: a recording published as it was taken."""

@@ -1,0 +1,1 @@
+"""`process_bag`: the disparity of every pair of a recording."""

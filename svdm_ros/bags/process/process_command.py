@@ -1,0 +1,192 @@
+"""What `process_bag` does: its options as jobs, the progress on the terminal, the summaries."""
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import glob
+import sys
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from svdm_core import parameter_info
+from svdm_core.presets import preset_values
+from svdm_core.runtime import configure
+
+from ...calibration.calibration_files import read_calibration
+from ...command_line.user_files import SETTINGS, read_yaml
+from ...node.parameter_set import NodeParameters, Value, node_parameter_table
+from ..writing.output_place import check_apart
+from ..writing.partial_folder import remove_marks
+from .local_workers import process_locally
+from .outcome import Outcome
+from .processing import Job, Tell, process
+
+_SUFFIXES = ('.zstd', '.mcap', '.db3', '.bag')
+_NODE_ONLY = ('use_sim_time', 'qos_overrides')
+"""What a parameter file of the node may hold besides, which means nothing offline."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Process the recordings and print the summaries; the exit code. ValueError, OSError, ImportError with one line."""
+    configure()
+    inputs = _inputs(options.inputs)
+    parameters = _parameters(options.params or options.preset, options.changes)
+    template = Job(
+        inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
+        duration_s=options.duration, copy_inputs=options.copy_inputs, depth=options.depth, preview=options.preview,
+        calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
+    is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
+    jobs = [template] if is_one else _jobs(template, inputs)
+    read = [*inputs, *(options.calib or ()), Path(options.params or options.preset)]
+    for job in jobs:
+        if job.force:
+            check_apart(job.output, read)
+    return _run_one(template) if is_one else _run_many(jobs, options)
+
+
+def _run_one(job: Job) -> int:
+    with progress() as bars:
+        summary = process(job, bars.teller(job.input.name))
+    print('\n'.join(summary.lines()))
+    if summary.problem:
+        print(f'process_bag: {summary.problem}', file=sys.stderr)
+    return summary.exit_code
+
+
+def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
+    waiting = [job for job in jobs if job.force or not job.output.exists()]
+    for job in jobs:
+        if job not in waiting:
+            remove_marks(job.output)
+            print(f'{job.output}: is there already, skipped')
+    if not waiting:
+        return 0
+    options.output.mkdir(exist_ok=True)
+    outcomes = []
+    with progress() as bars, contextlib.closing(_outcomes(waiting, options, bars.teller)) as found:
+        for outcome in found:
+            bars.print('\n'.join(outcome.lines))
+            outcomes.append(outcome)
+    for outcome in outcomes:
+        if outcome.problem:
+            print(f'process_bag: {outcome.problem}', file=sys.stderr)
+    if len(waiting) == len(jobs) and not any(outcome.lines for outcome in outcomes):
+        return 2
+    return 1 if any(outcome.exit_code for outcome in outcomes) else 0
+
+
+def _outcomes(
+    jobs: Sequence[Job], options: argparse.Namespace, teller: Callable[[str], Tell]
+) -> Generator[Outcome, None, None]:
+    if not options.scheduler:
+        yield from process_locally(jobs, options.jobs or 1, teller)
+        return
+    from . import cluster_workers  # needs dask
+
+    with cluster_workers.cluster(options.scheduler) as client:
+        yield from cluster_workers.process_all(client, jobs, options.jobs, teller)
+
+
+def _inputs(given: Sequence[str]) -> list[Path]:
+    """Files and folders as they are, patterns as what they match."""
+    found = []
+    for text in given:
+        matches = [Path(text)] if Path(text).exists() else [Path(match) for match in sorted(glob.glob(text))]
+        if not matches:
+            raise ValueError(f'{text}: there is no such file or folder')
+        found += matches
+    return found
+
+
+def _jobs(template: Job, inputs: Sequence[Path]) -> list[Job]:
+    """One a recording, with paths that mean the same to a worker that runs elsewhere."""
+    folder = template.output.absolute()
+    if (folder / 'metadata.yaml').exists() or (folder.exists() and not folder.is_dir()):
+        raise ValueError(f'{template.output} is no folder for several bags: name another output')
+    if not folder.parent.is_dir():
+        raise ValueError(f'{template.output}: there is no folder {template.output.parent}')
+    jobs: dict[Path, Job] = {}
+    for path in inputs:
+        output = folder / _bare_name(path)
+        if output in jobs:
+            raise ValueError(f'{jobs[output].input} and {path} would both become {output}: process them one by one')
+        jobs[output] = dataclasses.replace(template, input=path.absolute(), output=output)
+    return list(jobs.values())
+
+
+def _bare_name(path: Path) -> str:
+    name = path.absolute().name
+    for suffix in _SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name
+
+
+def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
+    """Of a preset or parameter file of the node, and --set. ValueError names parameter, value and what is allowed."""
+    table = {info.name: info for info in node_parameter_table()}
+    values: dict[str, Value] = {}
+    for name, value in _values(source).items():
+        if name.partition('.')[0] in _NODE_ONLY:
+            continue
+        _check_known(name, table)
+        values[name] = value
+    for change in changes:
+        name, equals, text = change.partition('=')
+        if not equals:
+            raise ValueError(f'--set {change} is not allowed: write it as name=value')
+        _check_known(name, table)
+        values[name] = table[name].parse(text)
+    return NodeParameters().replace(values)
+
+
+def _values(source: str | Path) -> dict[str, Any]:
+    """Of a preset, or of a file, which is looked at before it is read as one."""
+    if Path(source).suffix in ('.yaml', '.yml') and Path(source).exists():
+        read_yaml(Path(source), SETTINGS)
+    return preset_values(source)
+
+
+def _check_known(name: str, table: Mapping[str, Any]) -> None:
+    if name not in table:
+        parameter_info(name)  # raises, with the nearest name there is
+
+
+class _RateColumn(ProgressColumn):
+    """Pairs a second."""
+
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text('' if speed is None else f'{speed:.1f} pairs/s')
+
+
+class Bars:
+    """One bar a recording."""
+
+    def __init__(self, bars: Progress) -> None:
+        self._bars = bars
+
+    def teller(self, name: str) -> Callable[[int, int], None]:
+        """What is told of the pairs done and of all there are."""
+        task = self._bars.add_task(name, total=None)
+        return lambda done, total: self._bars.update(task, completed=done, total=max(done, total))
+
+    def print(self, text: str) -> None:
+        """Above the bars, to the standard output."""
+        if text:
+            print(text, flush=True)
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Bars]:
+    """Bars with rate and time left, on a terminal."""
+    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), _RateColumn(),
+               TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
+        yield Bars(bars)

@@ -1,0 +1,247 @@
+"""One recording from end to end: every pair in, every disparity out."""
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from ...calibration.stereo_calibration import StereoCalibration
+from ...command_line.interrupts import deferred_interrupts
+from ...frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from ...node.parameter_set import NodeParameters
+from ..reading.pair_stream import PairStream, RecordedPair
+from ..reading.recorded_frames import TYPES, as_image
+from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
+from ..reading.stereo_topics import StereoTopics, find_stereo_topics
+from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
+from ..writing.partial_bag import PartialBag, open_partial
+from ..writing.partial_folder import partial_path, remove_marks
+from ..writing.stereo_messages import infos_of
+from .outputs import Outputs
+from .preview import write_preview
+from .summary import Progress, Summary
+from .threads import WriteBehind, read_ahead
+
+_AHEAD = 8
+"""Messages that are read ahead, and results that wait to be written."""
+
+Tell = Callable[[int, int], None]
+"""Told of the pairs dealt with and, as far as it is known beforehand, of how many there are."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Job:
+    """One recording to process, and how. Picklable.
+
+    start_s, duration_s: from the beginning of the recording; None is to its end. calibration: in place of the recorded
+    camera_info. preview: 'mp4' or 'png', see `preview`.
+    """
+
+    input: Path
+    output: Path
+    parameters: NodeParameters = dataclasses.field(default_factory=NodeParameters)
+    left: str | None = None
+    right: str | None = None
+    start_s: float = 0.0
+    duration_s: float | None = None
+    copy_inputs: bool = False
+    depth: bool = False
+    calibration: StereoCalibration | None = None
+    preview: str | None = None
+    force: bool = False
+
+
+class NoPairsError(ValueError):
+    """A recording in which no two images make a pair."""
+
+
+def check_output(output: Path, force: bool) -> None:
+    """Raise ValueError where `output` cannot become a bag, or is there already."""
+    if output.suffix in ('.mcap', '.db3', '.bag'):
+        raise ValueError(f'{output}: a bag is a folder: name it without {output.suffix}')
+    remove_marks(output)
+    check_place(output, force)
+
+
+def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
+    """Process one recording; the output has its name when this returns a Summary without a problem.
+
+    Where the recording turns out damaged, or the disk is full, what is done stays in the partial bag and `problem` of
+    the Summary says why. Raises ValueError (RecordingError, NoPairsError included) where there is nothing to do or it
+    cannot be begun. KeyboardInterrupt leaves the partial bag readable.
+    """
+    check_apart(job.output, [job.input])
+    check_output(job.output, job.force)
+    with open_recording(job.input) as recording:
+        topics = _topics(job, recording)
+        images = frozenset({topics.left, topics.right}) if job.copy_inputs else frozenset()
+        infos = infos_of(job.calibration) if job.calibration else None
+        outputs = Outputs(topics, images | frozenset(topics.infos), job.depth, calibrated=infos is not None)
+        start_ns = recording.start_ns + round(job.start_s * 1e9)
+        stop_ns = recording.end_ns if job.duration_s is None else start_ns + round(job.duration_s * 1e9)
+        stream = PairStream(recording, topics, job.parameters.tolerance_ns, copied=outputs.copied,
+                            start_ns=start_ns, stop_ns=stop_ns, infos=infos)
+        declared = outputs.declared(recording)
+        with open_partial(job.output, declared, _settings(job, topics), force=job.force) as bag:
+            run = _Run(job, topics, stream, outputs, bag)
+            return run(lambda done: tell(done, _expected(recording, topics, start_ns, stop_ns)))
+
+
+class _Run:
+    """The pass over one recording; the state is that of the partial bag."""
+
+    def __init__(
+        self, job: Job, topics: StereoTopics, stream: PairStream, outputs: Outputs, bag: PartialBag
+    ) -> None:
+        self._job = job
+        self._topics = topics
+        self._stream = stream
+        self._outputs = outputs
+        self._bag = bag
+        self._processor = FrameProcessor(TYPES)
+        try:
+            self._progress = Progress.of(bag.state)
+        except ValueError as error:
+            raise bag.damaged(str(error)) from None
+        self._written = bag.state
+        self._matched = 0
+        self._matcher_ms = 0.0
+
+    def __call__(self, tell: Callable[[int], None]) -> Summary:
+        self._processor.warm_up(self._job.parameters)
+        start = time.perf_counter()
+        problem = ''
+        try:
+            self._pass(tell)
+            if self._progress.disparities:
+                self._bag.finish(lambda folder: self._add_files(folder, start))
+        except (RecordingError, PlaceTakenError) as error:
+            problem = str(error)
+        except OSError as error:
+            problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}; make room, then the '
+                       'same command goes on from there')
+        summary = dataclasses.replace(self._summary(start), problem=problem)
+        if problem:  # what counts is what reached the disk
+            self._progress = Progress.of(self._bag.state)
+            summary = dataclasses.replace(summary, progress=self._progress)
+        if not self._progress.disparities:
+            self._bag.discard()
+            raise NoPairsError(problem or _nothing(self._job, summary))
+        return summary
+
+    def _add_files(self, folder: Path, start: float) -> None:
+        (folder / SUMMARY_FILE).write_bytes(self._summary(start).json())
+        if self._job.preview:
+            write_preview(folder, self._job.preview)
+
+    def _pass(self, tell: Callable[[int], None]) -> None:
+        writer: WriteBehind[Callable[[], None]] = WriteBehind(lambda write: write(), _AHEAD)
+        to_skip = self._progress.done
+        with deferred_interrupts() as raise_if_interrupted:
+            try:
+                with contextlib.closing(read_ahead(self._stream, _AHEAD)) as entries:
+                    for number, entry in enumerate(entries):
+                        if number >= to_skip:
+                            self._process(entry, writer)
+                        tell(self._progress.disparities + self._progress.dropped.total())
+                        raise_if_interrupted()
+            finally:
+                # Whatever ended the pass, a signal or a damaged recording: what is done is kept.
+                writer.close()
+                self._bag.commit(self._written, now=True)
+
+    def _process(self, entry: RecordedPair | RecordedMessage, writer: WriteBehind[Callable[[], None]]) -> None:
+        if isinstance(entry, RecordedMessage):
+            messages: Iterator[tuple[str, bytes | memoryview]] = iter([(entry.topic, entry.data)])
+        else:
+            messages = self._matched_messages(entry)
+        self._progress.done += 1
+        state = self._progress.as_dict()
+        writer.put(lambda: self._write(messages, entry.time_ns, state))
+
+    def _matched_messages(self, pair: RecordedPair) -> Iterator[tuple[str, bytes | memoryview]]:
+        progress = self._progress
+        try:
+            left = as_image(pair.left.message, pair.left.message_type, 'left')
+            right = as_image(pair.right.message, pair.right.message_type, 'right')
+            frame = StereoFrame(left, right, pair.left_info, pair.right_info, arrived=0.0)
+            result = self._processor.process(frame, self._job.parameters)
+        except FrameError as error:
+            progress.drop(error.reason, str(error))
+            return iter(())
+        progress.disparities += 1
+        self._matched += 1
+        self._matcher_ms += result.timings['total']
+        if result.geometry_problem:
+            progress.notes[result.geometry_problem] += 1
+        if pair.ground_truth is not None:
+            progress.judge(result.message, pair.ground_truth)
+        return self._outputs.messages(pair, result.message)
+
+    def _write(
+        self, messages: Iterator[tuple[str, bytes | memoryview]], time_ns: int, state: dict[str, Any]
+    ) -> None:
+        for topic, data in messages:
+            self._bag.write(topic, time_ns, data)
+        self._written = state
+        self._bag.commit(state)
+
+    def _summary(self, start: float) -> Summary:
+        return Summary(
+            str(self._job.input), str(self._job.output), self._topics.left, self._topics.right,
+            _as_dict(self._job.parameters), self._stream.counts, self._progress, self._matched,
+            time.perf_counter() - start, self._matcher_ms / max(self._matched, 1))
+
+
+def _topics(job: Job, recording: Recording) -> StereoTopics:
+    try:
+        topics = find_stereo_topics(recording.topics, job.left, job.right)
+    except RecordingError as error:
+        raise RecordingError(f'{job.input}: {error}') from None
+    return dataclasses.replace(topics, left_info=None, right_info=None) if job.calibration else topics
+
+
+def _expected(recording: Recording, topics: StereoTopics, start_ns: int, stop_ns: int) -> int:
+    """About how many pairs there are; exact where the whole recording is taken and no image is alone."""
+    most = min(recording.topics[topics.left].count, recording.topics[topics.right].count)
+    taken = (min(stop_ns, recording.end_ns) - start_ns) / max(recording.end_ns - recording.start_ns, 1)
+    return round(most * min(max(taken, 0), 1))
+
+
+def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
+    """What the output depends on: only a run with the same may go on with a partial bag."""
+    files = [job.input] if job.input.is_file() else sorted(path for path in job.input.iterdir() if path.is_file())
+    # The number of threads changes no message.
+    parameters = {name: value for name, value in _as_dict(job.parameters).items() if name != 'num_threads'}
+    return {
+        'recording': [[path.name, path.stat().st_size, path.stat().st_mtime_ns] for path in files],
+        'topics': [topics.left, topics.right],
+        'parameters': parameters,
+        '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs, '--depth': job.depth,
+        '--calib': _matrices(job.calibration),
+    }
+
+
+def _matrices(calibration: StereoCalibration | None) -> list[list[float]] | None:
+    return calibration and [camera.p.ravel().tolist() for camera in (calibration.left, calibration.right)]
+
+
+def _as_dict(parameters: NodeParameters) -> dict[str, Any]:
+    own = dataclasses.asdict(parameters)
+    return {**own.pop('matcher'), **own}
+
+
+def _nothing(job: Job, summary: Summary) -> str:
+    counts = summary.pairing
+    if summary.progress.dropped:
+        reason, count = summary.progress.dropped.most_common(1)[0]
+        return f'{job.input}: none of {counts.pairs} pairs could be matched ({count} {reason}): ' + (
+            summary.progress.reasons[reason])
+    gap = '' if counts.closest_gap_ns is None else (
+        f', the closest stamps are {counts.closest_gap_ns / 1e9:g} s apart: '
+        'give that, or a little more, as --set approximate_sync_tolerance=SECONDS')
+    return (f'{job.input}: no pair among {counts.images["left"]} images on {summary.left} and '
+            f'{counts.images["right"]} on {summary.right}{gap}')

@@ -1,0 +1,94 @@
+"""What lies in a recording as the messages the matcher's side takes: images, decoded, and camera_info by time."""
+from __future__ import annotations
+
+import collections
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+
+from ...frames.frame_processing import FrameError
+from ...frames.messages import MessageTypes
+from .stereo_topics import COMPRESSED
+
+ROS2 = get_typestore(Stores.ROS2_JAZZY)
+"""The types of all that is written."""
+
+_KEPT = 1000
+
+
+def _bytes_of(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return pixels.reshape(-1).view(np.uint8)
+
+
+TYPES = MessageTypes(
+    ROS2.types['stereo_msgs/msg/DisparityImage'],
+    ROS2.types['sensor_msgs/msg/Image'],
+    ROS2.types['sensor_msgs/msg/RegionOfInterest'],
+    _bytes_of,
+)
+"""What DisparityImage and Image are built from where there is no ROS."""
+
+
+def stamp_ns(message: Any) -> int:
+    """The stamp of a message with a header."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def as_image(message: Any, message_type: str, side: str) -> Any:
+    """A sensor_msgs/Image of either kind of image message. Raises FrameError where it cannot be decoded."""
+    if message_type != COMPRESSED:
+        return message
+    try:
+        pixels = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:  # of an empty one
+        pixels = None
+    if pixels is None:
+        raise FrameError('unreadable', f'{side} image dropped: its {len(message.data)} bytes of format '
+                                       f'{message.format!r} are no image that OpenCV reads: PNG and JPEG are')
+    height, width = pixels.shape[:2]
+    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
+    return TYPES.image(header=message.header, height=height, width=width, encoding=_encoding(pixels, message.format),
+                       is_bigendian=0, step=data.size // height, data=data)
+
+
+def _encoding(pixels: NDArray[Any], stored_format: str) -> str:
+    """How OpenCV decodes; a mosaic is grey to it, and only the format 'bayer_rggb8; png compressed ...' tells."""
+    original = stored_format.partition(';')[0].strip()
+    if pixels.ndim == 2 and original.startswith('bayer_') and pixels.dtype == np.uint8:
+        return original
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    names = {(1, 1): 'mono8', (1, 2): 'mono16', (3, 1): 'bgr8', (4, 1): 'bgra8'}
+    return names.get((channels, pixels.itemsize), f'{pixels.dtype}, {channels} channels')
+
+
+class ByStamp[Message]:
+    """The messages of one topic that came of late, to be found by the stamp of an image.
+
+    first: what serves images that are older than all of them, the first of the recording.
+    """
+
+    def __init__(self, first: Message | None = None) -> None:
+        self._kept: collections.deque[tuple[int, Message]] = collections.deque(maxlen=_KEPT)
+        self._first = first
+
+    def add(self, stamp: int, message: Message) -> None:
+        self._kept.append((stamp, message))
+
+    def has(self, stamp: int) -> bool:
+        """Whether a message of this very stamp is there."""
+        return self.exact(stamp) is not None
+
+    def exact(self, stamp: int) -> Message | None:
+        """The message of this very stamp."""
+        return next((message for kept, message in reversed(self._kept) if kept == stamp), None)
+
+    def valid_at(self, stamp: int) -> Message | None:
+        """The message of this stamp, else the newest one before it, else the first of all."""
+        if (found := self.exact(stamp)) is not None:
+            return found
+        before = [(kept, index) for index, (kept, _) in enumerate(self._kept) if kept < stamp]
+        return self._kept[max(before)[1]][1] if before else self._first

@@ -1,0 +1,1 @@
+"""How fast the node is. `python -m svdm_ros.benchmark` measures it."""

@@ -1,0 +1,219 @@
+"""The disparity node: left and right image_rect and camera_info in, stereo_msgs/DisparityImage out."""
+from __future__ import annotations
+
+import time
+import traceback
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import qos_policy_name_from_kind
+from sensor_msgs.msg import CameraInfo, Image
+from stereo_msgs.msg import DisparityImage
+
+from ..frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from ..frames.stereo_pairing import SideName, StereoPairer
+from .declared_parameters import DeclaredParameters, unknown_parameter_line
+from .diagnostics import diagnostic_array
+from .frame_statistics import FrameStatistics, Rate
+from .parameter_set import NodeParameters
+from .quality_of_service import (
+    OVERRIDABLE,
+    Entity,
+    incompatible_line,
+    naming_overrides,
+    output_qos,
+    override_names,
+    sensor_qos,
+)
+from .watchdog import Line, Throttle, Traffic, Watchdog
+from .worker import Worker
+
+_SIDES: tuple[SideName, ...] = ('left', 'right')
+_STATUS_PERIOD = 1.0
+"""Seconds between two diagnostics, and between two looks of the watchdog."""
+_TROUBLE_LASTS = 3.0
+"""Seconds for which diagnostics tell of a trouble after it was last met."""
+
+
+class DisparityNode(Node):
+    """Wires the parts: callbacks pair the images, a worker thread matches and publishes, a timer watches.
+
+    Raises ValueError for a start-up parameter out of range.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('disparity_node', automatically_declare_parameters_from_overrides=True)
+        self._statistics = FrameStatistics()
+        self._throttle = Throttle()
+        self._trouble: tuple[float, str] = (-_TROUBLE_LASTS, '')
+        self._dropped_before = 0
+        self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(_SIDES)
+        self._pairer: StereoPairer[Image] = StereoPairer()
+        overrides = self._override_names()
+        self._settings = DeclaredParameters(self, self._use_parameters, overrides)
+        self._use_parameters(self._settings.current)
+        for name in self._settings.unknown:
+            self.get_logger().warning(unknown_parameter_line(name, overrides))
+        # Noted before rclpy declares the rest of them, with each topic.
+        self._overrides_given = [name for name in overrides if self.has_parameter(name)]
+
+        self._publisher = self._create_output()
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
+        self._processor = FrameProcessor(on_compiling=self._report_compiling)
+        self._worker: Worker[StereoFrame] = Worker(
+            self._warm_up, self._process, self._statistics.count_drop, self._report_failure
+        )
+        # The executor takes what has come in this order: calibration first, so that the first pair has it.
+        for side in _SIDES:
+            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
+        for side in _SIDES:
+            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
+        self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
+        self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
+        self._rate = Rate(time.monotonic())
+        # Not the node's clock: with use_sim_time and no /clock it stands still, and silence is what is to be told.
+        self.create_timer(_STATUS_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._worker.start()
+
+    def close(self) -> bool:
+        """Stop the worker; False if it is still busy (compiling, or with a large image)."""
+        return self._worker.stop(timeout=0.3)
+
+    def report_defect(self, what: str, error: Exception) -> None:
+        """Count and log an exception that nothing accounts for, with its traceback. From any thread."""
+        self._statistics.count_defect()
+        details = ''.join(traceback.format_exception(error))
+        self._complain(Line(what, f'{what} by a defect of this node, please report it: {details}'))
+
+    # Set-up
+
+    def _override_names(self) -> list[str]:
+        """The names of all parameters that override the QoS of a topic."""
+        names = [*override_names(self.resolve_topic_name('disparity'), 'publisher')]
+        for topic in (f'{side}/{name}' for side in _SIDES for name in ('image_rect', 'camera_info')):
+            names += override_names(self.resolve_topic_name(topic), 'subscription')
+        return names
+
+    def _create_output(self) -> Any:
+        topic = self.resolve_topic_name('disparity')
+        with naming_overrides(topic, self._overrides_given):
+            return self.create_publisher(
+                DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
+                event_callbacks=PublisherEventCallbacks(
+                    incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
+            )
+
+    def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
+        topic = self.resolve_topic_name(name)
+        with naming_overrides(topic, self._overrides_given):
+            self.create_subscription(
+                message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+                event_callbacks=SubscriptionEventCallbacks(
+                    incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
+            )
+
+    def _use_parameters(self, parameters: NodeParameters) -> None:
+        """The pairing's part; the worker looks at `current` before each frame."""
+        self._pairer.tolerance_ns = parameters.tolerance_ns
+        self._pairer.queue_size = parameters.queue_size
+
+    # Callbacks of the executor's thread
+
+    def _take_info(self, side: SideName, info: CameraInfo) -> None:
+        self._infos[side] = info
+
+    def _take_image(self, side: SideName, image: Image) -> None:
+        self._statistics.count_received(side)
+        stamp = image.header.stamp.sec * 1_000_000_000 + image.header.stamp.nanosec
+        jumps = self._pairer.jumps
+        pairs = self._pairer.add(side, stamp, image)
+        if self._pairer.jumps != jumps:
+            self._say(Line('jump', f'the stamps of {self._image_topics[side]} jumped back (a looping bag?): going on'))
+        for pair in pairs:
+            self._statistics.count_pair()
+            left_info, right_info = self._infos['left'], self._infos['right']
+            self._worker.submit(StereoFrame(pair.left, pair.right, left_info, right_info, time.monotonic()))
+
+    def _watch(self) -> None:
+        for side, total in self._pairer.unpaired.items():
+            self._statistics.set_dropped(f'unpaired {side}', total)
+        counts = self._statistics.snapshot()
+        line = self._watchdog.check(time.monotonic(), Traffic(
+            left=counts.received['left'],
+            right=counts.received['right'],
+            pairs=counts.pairs,
+            left_publishers=self.count_publishers(self._image_topics['left']),
+            right_publishers=self.count_publishers(self._image_topics['right']),
+            closest_gap_ns=self._pairer.take_closest_gap(),
+            tolerance_ns=self._pairer.tolerance_ns,
+        ))
+        if line is not None:
+            self._complain(line)
+        if counts.total_dropped > self._dropped_before:
+            text = f'{counts.pairs} pairs, {counts.published} published; images and pairs: {counts.dropped_text()}'
+            self._say(Line('counts', text))
+        self._dropped_before = counts.total_dropped
+        rate = self._rate.update(counts.published, time.monotonic())
+        since, trouble = self._trouble
+        self._diagnostics.publish(diagnostic_array(
+            self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
+            trouble if time.monotonic() - since < _TROUBLE_LASTS else '',
+        ))
+
+    # The worker's thread
+
+    def _warm_up(self) -> None:
+        self.get_logger().info('compiling the kernels, up to a minute the first time')
+        start = time.monotonic()
+        self._processor.warm_up(self._settings.current)
+        if self.context.ok():  # else the process is ending, and a line could not be published
+            self.get_logger().info(f'ready: kernels compiled or loaded in {time.monotonic() - start:.1f} s')
+
+    def _process(self, frame: StereoFrame) -> None:
+        try:
+            done = self._processor.process(frame, self._settings.current)
+        except FrameError as error:
+            self._statistics.count_drop(error.reason)
+            self._complain(Line(error.reason, str(error)))
+            return
+        self._publisher.publish(done.message)
+        self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
+        if done.geometry_problem:
+            known = f'f = {done.message.f:g}, t = {done.message.t:g}'
+            self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
+
+    def _report_compiling(self, what: str) -> None:
+        text = f'new parameters or images: compiling the kernels for {what}, this frame takes up to a minute'
+        self._say(Line(f'compiling {what}', text))
+
+    def _report_failure(self, error: Exception) -> None:
+        if not self.context.ok():
+            return  # the end of the process, seen from the worker
+        if self._worker.ready:
+            self._statistics.count_drop('failed')
+            self.report_defect('frame dropped', error)
+        else:
+            self.report_defect('warm-up cut short, the first pairs take longer', error)
+
+    # Log lines, from any thread
+
+    def _complain(self, line: Line) -> None:
+        self._trouble = (time.monotonic(), line.text)
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().warning(text)
+
+    def _say(self, line: Line) -> None:
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().info(text)
+
+    def _report_incompatible(self, topic: str, entity: Entity, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        line = Line(f'qos {topic} {policy}', incompatible_line(topic, entity, policy))
+        text = self._throttle.admit(line, time.monotonic())
+        if text is not None:
+            self.get_logger().error(text)

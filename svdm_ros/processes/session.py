@@ -1,0 +1,122 @@
+"""A node of demo and benchmark: receives disparity, reads the counts of disparity_node and sets its parameters."""
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from numpy.typing import NDArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import QoSProfile
+from stereo_msgs.msg import DisparityImage
+
+from .children import RunError
+
+NODE_NAME = '/disparity_node'
+STEP = 0.05  # s between two looks at what is being waited for
+QUIET = 5.0  # s; the node publishes its counts once a second, and may have a frame in work
+SETTLE_TIMEOUT = 60.0  # s
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Frame:
+    """A disparity image received. stamp, received: ns, wall clock. disparity: float32 (H, W), px, NaN invalid."""
+
+    stamp: int
+    received: int
+    disparity: NDArray[np.float32]
+
+    @property
+    def latency(self) -> float:
+        """ms from the sending of the pair to the receipt of its disparity."""
+        return (self.received - self.stamp) / 1e6
+
+
+class Session(Node):
+    """Collects `frames` and the node's `counts` while one of its waiting methods runs.
+
+    `check` is called all the while and raises RunError when there is no point in waiting on.
+    """
+
+    def __init__(self, check: Callable[[], None]) -> None:
+        super().__init__('demo_session')
+        self.frames: list[Frame] = []
+        self.counts: dict[str, str] = {}
+        self._check = check
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self._parameters = AsyncParameterClient(self, NODE_NAME)
+        self.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
+        self.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
+
+    def wait_for(self, done: Callable[[], bool], timeout: float, complaint: str) -> None:
+        """Receive until `done()`; RunError with `complaint` after `timeout` s."""
+        end = time.monotonic() + timeout
+        while not done():
+            self._check()
+            if time.monotonic() > end:
+                raise RunError(f'{complaint} for {timeout:.0f} s')
+            self._executor.spin_once(timeout_sec=STEP)
+
+    def wait_for_node(self, timeout: float) -> None:
+        """Until the node's parameter services are there."""
+        self.wait_for(self._parameters.services_are_ready, timeout, f'{NODE_NAME} has no parameter services')
+
+    def collect(self, count: int, after: int, timeout: float, progress: Callable[[int], None]) -> list[Frame]:
+        """Receive until `count` frames have a stamp later than `after` (ns); `timeout` s is for each frame."""
+        def taken() -> list[Frame]:
+            return [frame for frame in self.frames if frame.stamp > after]
+
+        while (so_far := len(taken())) < count:
+            self.wait_for(lambda: len(taken()) > so_far, timeout, 'no disparity image arrived')
+            progress(len(taken()))
+        return taken()[:count]
+
+    def set_parameters(self, values: Mapping[str, float], timeout: float = 10.0) -> int:
+        """Set all `values` at once; returns the ns at which the node said yes. RunError with its reason if not."""
+        future = self._parameters.set_parameters_atomically(
+            [Parameter(name, value=value) for name, value in values.items()])
+        self.wait_for(future.done, timeout, 'no answer to the change of parameters')
+        result = future.result().result
+        if not result.successful:
+            raise RunError(f'{NODE_NAME} refused the parameters: {result.reason}')
+        return time.time_ns()
+
+    def count(self, name: str) -> int:
+        """One of the node's totals, 0 where it has not counted any."""
+        return int(self.counts.get(name, 0))
+
+    def wait_until_settled(self, sent: int) -> None:
+        """Until all `sent` pairs are accounted for, or nothing has changed for QUIET s."""
+        last_change, last = time.monotonic(), (-1, -1)
+
+        def settled() -> bool:
+            nonlocal last_change, last
+            now = (len(self.frames), self.superseded())
+            if now != last:
+                last_change, last = time.monotonic(), now
+            return sum(now) >= sent or time.monotonic() - last_change > QUIET
+
+        self.wait_for(settled, SETTLE_TIMEOUT, 'the node went on counting without an image being sent')
+
+    def superseded(self) -> int:
+        """Pairs the node dropped for a newer one, or because it was still compiling."""
+        return self.count('dropped: superseded') + self.count('dropped: before warm-up')
+
+    def _take_disparity(self, message: DisparityImage) -> None:
+        received = time.time_ns()
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        image = message.image
+        disparity = np.frombuffer(image.data, np.float32).reshape(image.height, image.width)
+        valid = disparity >= message.min_disparity  # as stereo_msgs defines it
+        self.frames.append(Frame(stamp, received, np.where(valid, disparity, np.float32(np.nan))))
+
+    def _take_counts(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == NODE_NAME:
+                self.counts = {value.key: value.value for value in status.values}

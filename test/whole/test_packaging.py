@@ -1,0 +1,333 @@
+"""The package as others get it: built by colcon, and cloned onto a machine that has nothing yet."""
+import ast
+import contextlib
+import importlib.util
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from catkin_pkg.package import parse_package
+from checkout import CHECKOUT
+
+VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
+ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
+PRESETS = ('accurate.yaml', 'default.yaml', 'fast.yaml', 'paper.yaml', 'paper_start.yaml')
+TEMPLATES = ('evaluation/templates/evaluation.html.jinja', 'tuning/templates/tuning.html.jinja')
+NODE_TOPICS = {f'{side}/{topic}' for side in ('left', 'right') for topic in ('image_rect', 'camera_info')}
+
+
+def _copy_checkout(target: Path) -> Path:
+    """What a clone would hold once everything here is committed."""
+    names = subprocess.run(
+        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+        cwd=CHECKOUT, check=True, capture_output=True, text=True).stdout.split('\0')
+    for name in filter(None, names):
+        if (CHECKOUT / name).is_file():
+            (target / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(CHECKOUT / name, target / name)
+    return target
+
+
+def _outside_environment(**extra: str) -> dict[str, str]:
+    """The environment without what this test run, or the ROS wheels it runs on, has put into it."""
+    own = ('PYTHONPATH', 'LD_LIBRARY_PATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE', 'AMENT_PREFIX_PATH',
+           'MAKEFLAGS', 'MAKELEVEL', 'MFLAGS', 'ARGS')
+    return {key: value for key, value in os.environ.items() if key not in own} | extra
+
+
+# What the files say
+
+
+def test_manifest_is_valid_without_a_warning():
+    warnings: list[str] = []
+    package = parse_package(str(CHECKOUT), warnings=warnings)
+    assert warnings == []
+    assert (package.package_format, package.name, package.licenses) == (3, 'svdm_ros', ['Apache-2.0'])
+    assert package.get_build_type() == 'ament_python'
+
+
+def test_manifest_names_every_ros_package_that_is_imported():
+    depends = {depend.name for depend in parse_package(str(CHECKOUT)).exec_depends}
+    ros = {name for name in _imported_packages() if name.endswith(('_msgs', '_interfaces')) or name in ROS_LIBRARIES}
+    assert {'rclpy', 'stereo_msgs'} <= ros
+    assert ros <= depends
+
+
+def _imported_packages() -> set[str]:
+    sources = [*CHECKOUT.glob('svdm_*/**/*.py'), *CHECKOUT.glob('launch/*.py')]
+    nodes = [node for source in sources for node in ast.walk(ast.parse(source.read_text()))]
+    imported = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module and node.level == 0}
+    return {name.partition('.')[0] for name in imported}
+
+
+def test_changelog_has_the_version():
+    assert f'## {VERSION}' in (CHECKOUT / 'CHANGELOG.md').read_text()
+
+
+@pytest.mark.parametrize('name', ['requirements-dev.txt', 'requirements-uv.txt'])
+def test_pins_are_versions_with_hashes_and_name_no_index(name):
+    text = (CHECKOUT / name).read_text().replace('\\\n', '')
+    pins = text.splitlines()
+    assert pins
+    for pin in pins:
+        assert re.fullmatch(r'[a-z0-9-]+==[^ ]+( ; [^\\]+?)?( +--hash=sha256:[0-9a-f]{64})+ *', pin), pin[:80]
+
+
+def test_every_direct_requirement_is_pinned():
+    wanted = re.findall(r'^[A-Za-z][\w-]*', (CHECKOUT / 'requirements-dev.in').read_text(), re.MULTILINE)
+    pinned = re.findall(r'^[a-z0-9-]+(?===)', (CHECKOUT / 'requirements-dev.txt').read_text(), re.MULTILINE)
+    assert {name.lower() for name in wanted} <= set(pinned)
+
+
+# The launch file; where launch is not installed, stand-ins record what it is called with
+
+
+class _Recorded:
+    def __init__(self, *args, **kwargs):
+        self.args, self.kwargs = args, kwargs
+
+
+class _LaunchConfiguration(_Recorded):
+    def perform(self, context):
+        return context[self.args[0]]
+
+
+@pytest.fixture
+def launch_file(monkeypatch):
+    names = {
+        'launch': ('LaunchContext', 'LaunchDescription'),
+        'launch.actions': ('DeclareLaunchArgument', 'OpaqueFunction', 'SetEnvironmentVariable'),
+        'launch.substitutions': ('EnvironmentVariable', 'PathJoinSubstitution'),
+        'launch_ros': (),
+        'launch_ros.actions': ('Node',),
+        'launch_ros.substitutions': ('FindPackageShare',),
+    }
+    for module_name, classes in names.items():
+        module = types.ModuleType(module_name)
+        for name in classes:
+            setattr(module, name, type(name, (_Recorded,), {}))
+        monkeypatch.setitem(sys.modules, module_name, module)
+    sys.modules['launch.substitutions'].LaunchConfiguration = _LaunchConfiguration
+    spec = importlib.util.spec_from_file_location('disparity_launch', CHECKOUT / 'launch' / 'disparity.launch.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _launched(launch_file, **arguments):
+    """What the one node is started with, given `arguments` and the defaults of the others."""
+    [actions] = launch_file.generate_launch_description().args
+    declared = {action.args[0]: action.kwargs['default_value'] for action in _of_type(actions, 'DeclareLaunchArgument')}
+    assert arguments.keys() <= declared.keys()
+    [opaque] = _of_type(actions, 'OpaqueFunction')
+    [node] = opaque.kwargs['function']({**declared, **arguments})
+    return node.kwargs
+
+
+def _of_type(actions, name):
+    return [action for action in actions if type(action).__name__ == name]
+
+
+def test_launch_starts_the_node_on_the_camera_of_the_arguments(launch_file):
+    node = _launched(launch_file, left_namespace='/cam/l', right_namespace='/cam/r', params_file='mine.yaml')
+    assert (node['package'], node['executable']) == ('svdm_ros', 'disparity_node')
+    assert node['parameters'] == ['mine.yaml']
+    remappings = dict(node['remappings'])
+    assert set(remappings) == NODE_TOPICS
+    assert remappings['right/camera_info'] == '/cam/r/camera_info'
+
+
+def test_launch_overrides_the_parameter_file_only_where_told_to(launch_file):
+    node = _launched(launch_file, params_file='mine.yaml', approximate_sync_tolerance='0.02', use_sim_time='True')
+    assert node['parameters'] == ['mine.yaml', {'use_sim_time': True, 'approximate_sync_tolerance': 0.02}]
+    assert _launched(launch_file, use_sim_time='false')['parameters'][1:] == [{'use_sim_time': False}]
+
+
+def test_launch_keeps_a_fast_dds_profile_that_is_set(launch_file):
+    [actions] = launch_file.generate_launch_description().args
+    [setting] = _of_type(actions, 'SetEnvironmentVariable')
+    name, value = setting.args
+    assert name == 'FASTRTPS_DEFAULT_PROFILES_FILE'
+    assert value.args == (name,)
+    assert value.kwargs['default_value'].args[0][-1] == 'fastdds.xml'
+
+
+# colcon build, as ROS users do it
+
+
+@pytest.fixture(scope='module')
+def prefix(tmp_path_factory) -> Path:
+    """The installation prefix of a build in a clean workspace."""
+    workspace = tmp_path_factory.mktemp('workspace')
+    _copy_checkout(workspace / 'src' / 'svdm_ros')
+    build = subprocess.run(
+        [sys.executable, '-m', 'colcon', 'build'], cwd=workspace, capture_output=True, text=True, timeout=100,
+        env={**os.environ, 'COLCON_HOME': str(workspace / 'colcon')})
+    assert build.returncode == 0, build.stdout + build.stderr
+    assert 'email' not in build.stderr.lower(), 'an invalid maintainer drops the ament hook'
+    return workspace / 'install' / 'svdm_ros'
+
+
+@pytest.mark.parametrize('path', [
+    *(f'lib/svdm_ros/{executable}' for executable in ('disparity_node', 'process_bag', 'play_bag', 'images_to_bag')),
+    'share/ament_index/resource_index/packages/svdm_ros',
+    'share/svdm_ros/package.xml',
+    'share/svdm_ros/config/fastdds.xml',
+    *(f'share/svdm_ros/config/{preset}' for preset in PRESETS),
+    'share/svdm_ros/launch/disparity.launch.py',
+    *(f'lib/python3.12/site-packages/svdm_core/{template}' for template in TEMPLATES),
+    *(f'share/svdm_ros/hook/ament_prefix_path.{kind}' for kind in ('dsv', 'sh')),
+])
+def test_colcon_installs(prefix, path):
+    assert (prefix / path).is_file()
+
+
+def test_installed_config_is_complete_and_the_node_executable(prefix):
+    source = {path.name: path.read_bytes() for path in (CHECKOUT / 'config').glob('*.*')}
+    assert {path.name: path.read_bytes() for path in (prefix / 'share/svdm_ros/config').iterdir()} == source
+    assert os.access(prefix / 'lib/svdm_ros/disparity_node', os.X_OK)
+
+
+def test_the_installed_node_heeds_signals_before_it_imports_anything_that_takes_time(prefix):
+    [scripts] = prefix.glob('lib/python*/site-packages/svdm_ros-*.egg-info/entry_points.txt')
+    assert 'disparity_node = svdm_ros.__main__:main' in scripts.read_text().splitlines()
+    modules = ', '.join(f'svdm_ros.{name}' for name in (
+        '__main__', 'bags.play_bag', 'bags.images_to_bag', 'bags.process_bag'))
+    code = f'import sys, {modules}; print({{"rclpy", "numba", "numpy", "cv2", "rosbags"}} & set(sys.modules))'
+    run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, capture_output=True, text=True, timeout=60)
+    assert run.stdout == 'set()\n', run.stderr
+
+
+@pytest.fixture
+def installed_environment(prefix, tmp_path) -> dict[str, str]:
+    """As after sourcing the workspace: the installation alone, not this checkout."""
+    [site_packages] = prefix.glob('lib/python*/site-packages')
+    return {
+        **os.environ,
+        'PYTHONPATH': str(site_packages),
+        'AMENT_PREFIX_PATH': str(prefix),
+        'ROS_LOG_DIR': str(tmp_path),
+        'ROS_DOMAIN_ID': str(1 + os.getpid() % 101),
+        'FASTRTPS_DEFAULT_PROFILES_FILE': str(prefix / 'share/svdm_ros/config/fastdds.xml'),
+    }
+
+
+def test_installed_package_is_found_with_its_presets(prefix, installed_environment, tmp_path):
+    code = '''
+import svdm_core, svdm_ros.node.disparity_node, svdm_core.presets
+from ament_index_python.packages import get_package_prefix
+places = svdm_core.__file__, svdm_ros.__file__, svdm_core.presets.preset_folder()
+print(get_package_prefix("svdm_ros"), *places, sep="\\n")
+print(*svdm_core.preset_names())'''
+    run = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, env=installed_environment,
+                         capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stderr
+    *places, names = run.stdout.splitlines()
+    assert all(Path(place).is_relative_to(prefix) for place in places)
+    assert {f'{name}.yaml' for name in names.split()} >= set(PRESETS)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures('demo')  # both compile all kernels, which takes as long for two as for one
+def test_installed_node_runs_until_interrupted(prefix, installed_environment, tmp_path):
+    log = tmp_path / 'node.log'
+    with log.open('w') as output:
+        node = subprocess.Popen(
+            [sys.executable, str(prefix / 'lib/svdm_ros/disparity_node'), '--ros-args',
+             '--params-file', str(prefix / 'share/svdm_ros/config/default.yaml')],
+            cwd=tmp_path, env=installed_environment, stdout=output, stderr=subprocess.STDOUT)
+    try:
+        end = time.monotonic() + 100
+        while 'ready: ' not in log.read_text():
+            assert node.poll() is None and time.monotonic() < end, log.read_text()
+            time.sleep(0.1)
+        node.send_signal(signal.SIGINT)
+        assert node.wait(10) == 0, log.read_text()
+    finally:
+        node.kill()
+    assert 'unknown parameter' not in log.read_text()
+
+
+# A fresh clone
+
+
+@pytest.fixture(scope='module')
+def clone(tmp_path_factory) -> Path:
+    """Everything but what make sets up, in a folder whose name has a space."""
+    return _copy_checkout(tmp_path_factory.mktemp('fresh clone'))
+
+
+@pytest.fixture(scope='module')
+def demo(tmp_path_factory) -> Iterator[tuple[Path, subprocess.Popen, Path]]:
+    """`make demo` at work in a clone of its own: the clone, the process, and what it prints."""
+    clone = _copy_checkout(tmp_path_factory.mktemp('demo clone'))
+    log = clone.with_suffix('.log')
+    with log.open('w') as output:
+        process = subprocess.Popen(
+            ['make', 'demo', 'ARGS=--frames 2'], cwd=clone, env=_outside_environment(PATH=_path_with_uv()),
+            stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
+    yield clone, process, log
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _path_with_uv() -> str:
+    """PATH with the uv that set up this checkout, so that nothing is fetched twice."""
+    return os.pathsep.join([str(CHECKOUT / '.tools' / 'bin'), os.environ['PATH']])
+
+
+def _make(clone: Path, *arguments: str, path: str | None = None, timeout: float = 60) -> subprocess.CompletedProcess:
+    environment = _outside_environment(**({} if path is None else {'PATH': path}))
+    return subprocess.run(
+        ['make', *arguments], cwd=clone, env=environment, capture_output=True, text=True, timeout=timeout)
+
+
+def test_make_alone_tells_the_targets(clone):
+    run = _make(clone)
+    assert run.returncode == 0
+    told = re.findall(r'^  make (\w+) ', run.stdout, re.MULTILINE)
+    assert told == ['help', 'demo', 'test', 'lint', 'pins', 'clean']
+
+
+def test_make_says_in_one_line_that_python_is_missing(clone, tmp_path):
+    for tool in ('sh', 'make', 'uname', 'awk'):
+        (tmp_path / tool).symlink_to(shutil.which(tool))
+    run = _make(clone, 'demo', path=str(tmp_path))
+    assert run.returncode != 0
+    assert run.stderr.splitlines()[0] == (
+        'make: no Python 3.12 found (tried python3.12, python3, python): install python3.12 and put it on PATH')
+    assert not (clone / '.venv').exists()
+
+
+def test_make_test_sets_up_first_and_ends_with_pytest(clone):
+    planned = _make(clone, '--dry-run', 'test').stdout
+    steps = [planned.index(step) for step in ('requirements-uv.txt', 'pip sync', 'ruff check', '-m mypy', '-m pytest')
+             if step != 'requirements-uv.txt' or shutil.which('uv') is None]
+    assert steps == sorted(steps)
+    assert planned.strip().splitlines()[-1].endswith('-m pytest')
+
+
+def test_ci_runs_make_test_and_nothing_else():
+    script = (CHECKOUT / '.ci' / 'run').read_text()
+    assert os.access(CHECKOUT / '.ci' / 'run', os.X_OK)
+    assert script.strip().splitlines()[-1] == 'exec make test'
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_make_demo_in_a_fresh_clone(demo):
+    clone, process, log = demo
+    assert process.wait(280) == 0, log.read_text()
+    assert 'setting up .venv' in log.read_text()
+    assert (clone / 'demo_output' / 'comparison.png').is_file()
+    assert 'setting up' not in _make(clone, '--dry-run', 'demo', path=_path_with_uv()).stdout
