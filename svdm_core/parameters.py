@@ -23,7 +23,7 @@ class ParameterInfo:
 
     `minimum` and `maximum` are inclusive and None where the type has no range; `step` is the
     distance between allowed values (0: any); `choices` lists the allowed strings. `stage`: which of STAGES reads it
-    first, empty for a parameter of the node.
+    first, empty for a parameter of the node. `form`: what a text without choices has to look like.
     """
 
     name: str
@@ -35,6 +35,7 @@ class ParameterInfo:
     step: int = 0
     choices: tuple[str, ...] = ()
     stage: str = ''
+    form: str = ''
 
     @property
     def type(self) -> type:
@@ -48,6 +49,8 @@ class ParameterInfo:
             return ' | '.join(self.choices)
         if self.type is bool:
             return 'true | false'
+        if self.form:
+            return self.form
         if self.step > 1:
             values = range(int(self.minimum or 0), int(self.maximum or 0) + 1, self.step)
             return ', '.join(map(str, values)) if len(values) < 5 else f'{values[0]}, {values[1]} ... {values[-1]}'

@@ -61,7 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--start', type=not_negative, default=0.0, metavar='S', help='begin S seconds in (0)')
     parser.add_argument('--duration', type=positive, metavar='S', help='process S seconds of it')
     parser.add_argument('--copy-inputs', action='store_true', help='copy the images as well, not camera_info only')
-    parser.add_argument('--depth', action='store_true', help='write /depth/image (m) and /depth/camera_info as well')
+    parser.add_argument('--outputs', default='disparity', metavar='NAME,...',
+                        help='what is written, as the node has it: disparity, depth, points, confidence, preview '
+                             '(disparity)')
     parser.add_argument('--preview', choices=('mp4', 'png'), help='write a film, or a picture a pair, into the bag')
     parser.add_argument('--jobs', type=count, metavar='N',
                         help='recordings at a time, each with its share of the processors (1; with --scheduler one a '

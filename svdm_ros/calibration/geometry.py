@@ -13,17 +13,26 @@ _LARGEST_OFFSET = 10
 """Most that the principal points may be apart, in image widths. Far beyond, float32 no longer tells px from px."""
 _FOCAL_LENGTHS_DIFFER = 0.01
 """Largest relative difference of the focal lengths of a rectified pair."""
+_ASPECT_DIFFERS = 0.01
+"""Largest relative difference of fx and fy of a rectified camera."""
+_ROWS_DIFFER = 0.5
+"""px; largest difference of the cy of a rectified pair, whose rows are the same."""
 _NO_SHIFT = 1e-6
 """P[3] over P[0], in the unit of the baseline, up to which the left camera is the origin."""
+_LONGEST_BASELINE = 10.0
+"""m; a longer one is taken for one in cm or mm."""
+_NO_SKEW = 1e-6
+"""P[1] over P[0], up to which P is that of a rectified camera."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class StereoGeometry:
     """What turns a disparity into a depth: Z = focal_length * baseline / (d - principal_offset).
 
-    focal_length: px of the image matched; 0 where unknown.
+    focal_length, focal_length_y: px of the image matched; 0 where unknown.
     baseline: in the unit of the P matrix, m as a rule; 0 where unknown.
     principal_offset: cx_left - cx_right, px of the image matched.
+    cx, cy: principal point of the left image, px of the image matched.
     problem: what is missing or contradictory, and what to do about it; empty where all is well.
     """
 
@@ -31,15 +40,31 @@ class StereoGeometry:
     baseline: float = 0.0
     principal_offset: float = 0.0
     problem: str = ''
+    focal_length_y: float = 0.0
+    cx: float = 0.0
+    cy: float = 0.0
+
+    def cropped(self, x: int, y: int) -> StereoGeometry:
+        """Of the part of both images that begins at pixel (x, y)."""
+        return dataclasses.replace(self, cx=self.cx - x, cy=self.cy - y)
+
+    def shrunk(self, factor: int) -> StereoGeometry:
+        """Of the images shrunk by a factor; pixel centres are whole numbers before and after."""
+        return dataclasses.replace(
+            self, focal_length=self.focal_length / factor, focal_length_y=self.focal_length_y / factor,
+            principal_offset=self.principal_offset / factor,
+            cx=(self.cx + 0.5) / factor - 0.5, cy=(self.cy + 0.5) / factor - 0.5)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Projection:
-    """The first row of a rectified P matrix, in px of the image as it is."""
+    """What a rectified P matrix tells, in px of the image as it is."""
 
     focal_length: float
     cx: float
     tx: float
+    focal_length_y: float
+    cy: float
 
 
 def stereo_geometry(
@@ -60,17 +85,22 @@ def stereo_geometry(
         offset = _principal_offset(left_projection, right_projection, width)
     except ValueError as error:
         return StereoGeometry(problem=str(error))
-    from_info = -right_projection.tx / right_projection.focal_length
-    used = baseline if baseline > 0 else from_info
+    from_infos = (left_projection.tx - right_projection.tx) / right_projection.focal_length
+    used = baseline if baseline > 0 else from_infos
     problems = (
         '' if baseline > 0 else _baseline_problem(left, right, used),
         _focal_length_problem(left_projection, right_projection),
+        _rows_problem(left_projection, right_projection),
+        *(_shape_problem(info, side) for info, side in ((left, 'left'), (right, 'right'))),
     )
     return StereoGeometry(
         focal_length=right_projection.focal_length,
         baseline=used if used > 0 else 0.0,
         principal_offset=offset,
         problem='; '.join(filter(None, problems)),
+        focal_length_y=left_projection.focal_length_y,
+        cx=left_projection.cx,
+        cy=left_projection.cy,
     )
 
 
@@ -93,13 +123,38 @@ def _focal_length_problem(left: _Projection, right: _Projection) -> str:
     )
 
 
+def _rows_problem(left: _Projection, right: _Projection) -> str:
+    if abs(left.cy - right.cy) <= _ROWS_DIFFER:
+        return ''
+    return (
+        f'left/camera_info and right/camera_info have cy of {left.cy:g} and {right.cy:g} px, so their rows are not the '
+        'same: rectify both images together'
+    )
+
+
+def _shape_problem(info: CameraInfo, side: str) -> str:
+    """What makes a P matrix one of no rectified camera."""
+    fx, skew, fy = (float(info.p[index]) for index in (0, 1, 5))
+    if abs(skew) > _NO_SKEW * fx:
+        return f'{side}/camera_info has P[1] = {skew:g}, it must be 0: no rectified image has such a P, calibrate anew'
+    if abs(fx - fy) > _ASPECT_DIFFERS * fx:
+        return (f'{side}/camera_info has P[0] = {fx:g} and P[5] = {fy:g}, they must be the same: rectify to square '
+                'pixels')
+    return ''
+
+
 def _baseline_problem(left: CameraInfo, right: CameraInfo, baseline: float) -> str:
+    if baseline > _LONGEST_BASELINE:
+        return (
+            f'the baseline is {baseline:g} m, more than {_LONGEST_BASELINE:g}: camera_info looks calibrated in cm or '
+            'mm: calibrate in m, or set the parameter baseline (m)'
+        )
     if baseline > 0:
         if abs(left.p[3]) <= _NO_SHIFT * left.p[0]:
             return ''
         return (
-            f'left/camera_info has P[3] = {left.p[3]:g}, it must be 0, as the baseline is taken from '
-            'right/camera_info alone: calibrate the two cameras as a stereo pair, or set the parameter baseline (m)'
+            f'left/camera_info has P[3] = {left.p[3]:g}, so the left camera is not the origin of the pair: the '
+            f'baseline {baseline:g} m is the distance of both; set the parameter baseline (m) where it is another'
         )
     found = f'right/camera_info has no baseline: P[3] is {right.p[3]:g}, it must be negative'
     if right.p[3] > 0 or left.p[3] != 0:
@@ -108,13 +163,15 @@ def _baseline_problem(left: CameraInfo, right: CameraInfo, baseline: float) -> s
 
 
 def _projection(info: CameraInfo, side: str, width: int, height: int) -> _Projection:
-    focal_length, cx, tx = (float(info.p[index]) for index in (0, 2, 3))
-    if not all(abs(value) < _LARGEST for value in (focal_length, cx, tx)):
+    focal_length, cx, tx, focal_length_y, cy = (float(info.p[index]) for index in (0, 2, 3, 5, 6))
+    if not all(abs(value) < _LARGEST for value in (focal_length, cx, tx, focal_length_y, cy)):
         raise ValueError(f'{side}/camera_info has a P matrix with NaN, infinity or beyond {_LARGEST:g}: calibrate anew')
     if focal_length < _SMALLEST_FOCAL_LENGTH:
         raise ValueError(f'{side}/camera_info is not calibrated: P[0] is {focal_length:g}, it must be positive')
     scale = _scale(info, side, width, height)
-    return _Projection(focal_length * scale, (cx - info.roi.x_offset) * scale, tx * scale)
+    down = scale * max(int(info.binning_x), 1) / max(int(info.binning_y), 1)
+    return _Projection(focal_length * scale, (cx - info.roi.x_offset) * scale, tx * scale, focal_length_y * down,
+                       (cy - info.roi.y_offset) * down)
 
 
 def _scale(info: CameraInfo, side: str, width: int, height: int) -> float:

@@ -1,4 +1,4 @@
-"""One pair of image messages to one DisparityImage: convert, check, match, fill in."""
+"""One pair of image messages to a matched frame: convert, check, prepare, match, filter."""
 from __future__ import annotations
 
 import dataclasses
@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from svdm_core import StereoMatcher
+from svdm_core import DisparityResult, StereoMatcher
 
 from ..calibration.geometry import stereo_geometry
+from .filtering import known_pixels
 from .image_conversion import image_to_array
-from .messages import MessageTypes, disparity_image
+from .matched_frame import MatchedFrame
+from .preparation import PreparedPair, prepare, search_range
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
     from sensor_msgs.msg import CameraInfo, Image
-    from stereo_msgs.msg import DisparityImage
 
     from ..node.parameter_set import NodeParameters
 
@@ -37,9 +37,9 @@ class StereoFrame:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ProcessedFrame:
-    """The message, the milliseconds a stage, and what is missing in the camera_info (empty: nothing)."""
+    """What came of a pair, the milliseconds a stage, and what is wrong with the camera_info (empty: nothing)."""
 
-    message: DisparityImage
+    frame: MatchedFrame
     timings: dict[str, float]
     geometry_problem: str
 
@@ -53,14 +53,10 @@ class FrameError(ValueError):
 
 
 class FrameProcessor:
-    """Holds the matcher. Everything here must be called from one and the same thread.
+    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library."""
 
-    `types` are the message classes that come out, rclpy's by default; those that come in may be of any library.
-    """
-
-    def __init__(self, types: MessageTypes | None = None, on_compiling: Callable[[str], None] = lambda _: None) -> None:
+    def __init__(self, on_compiling: Callable[[str], None] = lambda _: None) -> None:
         """on_compiling: told before a frame that has to compile kernels first, with what they are for."""
-        self._types = types
         self._on_compiling = on_compiling
         self._matcher: StereoMatcher | None = None
         self._threads = 0
@@ -73,19 +69,29 @@ class FrameProcessor:
         """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair."""
         left, right = _pixels(frame.left, 'left'), _pixels(frame.right, 'right')
         _check_alike(frame, left, right)
+        height, width = left.shape[:2]
+        whole = stereo_geometry(frame.left_info, frame.right_info, width, height, parameters.baseline)
+        try:
+            pair = prepare(left, right, whole, parameters)
+        except ValueError as error:
+            raise FrameError('not prepared', f'pair dropped: {error}') from error
+        matching, problem = search_range(pair.geometry, parameters)
+        parameters = dataclasses.replace(parameters, matcher=matching)
+        result = self._match(pair, parameters)
+        known = known_pixels(result, pair.geometry, parameters)
+        matched = MatchedFrame(frame.left.header, pair.left, result.disparity, result.valid, known, result.step,
+                               pair.geometry, parameters)
+        return ProcessedFrame(matched, result.timings, '; '.join(filter(None, (whole.problem, problem))))
+
+    def _match(self, pair: PreparedPair, parameters: NodeParameters) -> DisparityResult:
         matcher = self._matcher_for(parameters)
-        lacking = matcher.not_compiled(left)
+        lacking = matcher.not_compiled(pair.left)
         if lacking:
             self._on_compiling(lacking)
         try:
-            result = matcher.compute(left, right)
+            return matcher.compute(pair.left, pair.right)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
-        height, width = left.shape[:2]
-        geometry = stereo_geometry(frame.left_info, frame.right_info, width, height, parameters.baseline)
-        message = disparity_image(
-            result, geometry, parameters.matcher, frame.left.header, parameters.publish_filled, self._types)
-        return ProcessedFrame(message, result.timings, geometry.problem)
 
     def _matcher_for(self, parameters: NodeParameters) -> StereoMatcher:
         if self._matcher is None or self._threads != parameters.num_threads:

@@ -1,100 +1,94 @@
-"""The matcher's result as stereo_msgs/DisparityImage, in the classes of rclpy or of any other library of messages."""
+"""Classes of messages, of rclpy or of any other library, and stereo_msgs/DisparityImage made of them."""
 from __future__ import annotations
 
 import array
 import dataclasses
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from std_msgs.msg import Header
-    from stereo_msgs.msg import DisparityImage
+    from svdm_core import MatcherParameters
 
-    from svdm_core import DisparityResult, MatcherParameters
-
-    from ..calibration.geometry import StereoGeometry
+    from .matched_frame import MatchedFrame
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class MessageTypes:
     """Classes to build messages from, called with all fields as keywords.
 
-    to_data: float32 (H, W), contiguous -> what the class takes as `Image.data`.
+    to_data: any array, contiguous -> what the class takes as `Image.data`. room: shape -> such data for float32, and
+    float32 of that shape to be filled, which is that data. to_floats: numbers -> what it takes as float64 arrays.
     """
 
     disparity_image: Callable[..., Any]
     image: Callable[..., Any]
+    compressed_image: Callable[..., Any]
+    point_cloud2: Callable[..., Any]
+    point_field: Callable[..., Any]
+    camera_info: Callable[..., Any]
     region_of_interest: Callable[..., Any]
-    to_data: Callable[[NDArray[np.float32]], Any]
+    to_data: Callable[[NDArray[Any]], Any]
+    room: Callable[[tuple[int, ...]], tuple[Any, NDArray[np.float32]]]
+    to_floats: Callable[[Sequence[float]], Any]
 
 
 @functools.cache
 def rclpy_types() -> MessageTypes:
     """The classes of a ROS installation."""
-    from sensor_msgs.msg import Image, RegionOfInterest
+    from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField, RegionOfInterest
     from stereo_msgs.msg import DisparityImage
 
-    return MessageTypes(DisparityImage, Image, RegionOfInterest, _byte_array)
+    return MessageTypes(DisparityImage, Image, CompressedImage, PointCloud2, PointField, CameraInfo, RegionOfInterest,
+                        _byte_array, _byte_array_room, list)
 
 
-def _byte_array(pixels: NDArray[np.float32]) -> array.array[int]:
+def _byte_array(values: NDArray[Any]) -> array.array[int]:
     data = array.array('B')  # any other type is copied element by element: 100 times slower
-    data.frombytes(memoryview(pixels).cast('B'))
+    data.frombytes(memoryview(values).cast('B'))
     return data
 
 
-def disparity_image(
-    result: DisparityResult,
-    geometry: StereoGeometry,
-    parameters: MatcherParameters,
-    header: Header,
-    publish_filled: bool = True,
-    types: MessageTypes | None = None,
-) -> DisparityImage:
-    """The message for one result, in the convention d = x_left - x_right - (cx_left - cx_right).
+def _byte_array_room(shape: tuple[int, ...]) -> tuple[array.array[int], NDArray[np.float32]]:
+    data = array.array('B', [0]) * (4 * int(np.prod(shape)))
+    return data, np.frombuffer(data, np.float32).reshape(shape)
 
-    Everything that is a disparity is shifted by the principal offset, the ends of the search range as well.
-    With `publish_filled` every pixel has a disparity; without it those that failed the left-right check are
-    min_disparity - 1, below the range as stereo_msgs defines invalid. delta_d is the step of the result; where that
-    can be any float32, their spacing at the far end of the range. `types` are the classes to build it from,
-    those of rclpy by default.
+
+def disparity_image(frame: MatchedFrame, types: MessageTypes) -> Any:
+    """stereo_msgs/DisparityImage, in the convention d = x_left - x_right - (cx_left - cx_right).
+
+    Everything that is a disparity is shifted by the principal offset, the ends of the search range as well. Where there
+    is none it is min_disparity - 1, below the range as stereo_msgs defines invalid. delta_d is the step of the result;
+    where that can be any float32, their spacing at the far end of the range.
     """
-    # All in float32, so that no valid disparity is rounded to below min_disparity.
-    offset = np.float32(geometry.principal_offset)
-    smallest = np.float32(parameters.min_disparity) - offset
-    largest = np.float32(parameters.min_disparity + parameters.num_disparities - 1) - offset
-    disparity = result.disparity - offset
-    if not publish_filled:
-        disparity[~result.valid] = smallest - np.float32(1)
-
-    types = types or rclpy_types()
+    smallest, largest = frame.limits
+    filled = frame.parameters.publish_filled
     return types.disparity_image(
-        header=header,
-        image=float_image(disparity, header, types),
-        f=geometry.focal_length,
-        t=geometry.baseline,
-        valid_window=_valid_window(disparity.shape, None if publish_filled else parameters, types),
+        header=frame.header,
+        image=image_message(frame.published, '32FC1', frame.header, types),
+        f=frame.geometry.focal_length,
+        t=frame.geometry.baseline,
+        valid_window=_valid_window(frame.disparity.shape, None if filled else frame.parameters.matcher, types),
         min_disparity=float(smallest),
         max_disparity=float(largest),
-        delta_d=result.step or float(np.spacing(max(abs(smallest), abs(largest)))),
+        delta_d=frame.step or float(np.spacing(max(abs(smallest), abs(largest)))),
     )
 
 
-def float_image(values: NDArray[np.float32], header: Header, types: MessageTypes) -> Any:
-    """sensor_msgs/Image of encoding 32FC1. values: float32 (H, W)."""
-    height, width = values.shape
+def image_message(values: NDArray[Any], encoding: str, header: Any, types: MessageTypes) -> Any:
+    """sensor_msgs/Image of values (H, W) or (H, W, C), of the type and channels that the encoding says."""
+    height, width = values.shape[:2]
     return types.image(
         header=header,
         height=height,
         width=width,
-        encoding='32FC1',
+        encoding=encoding,
         is_bigendian=int(sys.byteorder == 'big'),
-        step=width * values.itemsize,
+        step=values.nbytes // height,
         data=types.to_data(np.ascontiguousarray(values)),
     )
 

@@ -1,30 +1,32 @@
-"""The disparity node: left and right image_rect and camera_info in, stereo_msgs/DisparityImage out."""
+"""The disparity node: left and right image_rect and camera_info in, disparity, depth, points and more out."""
 from __future__ import annotations
 
 import time
 import traceback
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
-from stereo_msgs.msg import DisparityImage
 
 from ..frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from ..frames.outputs import OUTPUTS
 from ..frames.stereo_pairing import SideName, StereoPairer
 from .declared_parameters import DeclaredParameters, unknown_parameter_line
 from .diagnostics import diagnostic_array
 from .frame_statistics import FrameStatistics, Rate
+from .output_publishers import OutputPublishers
 from .parameter_set import NodeParameters
 from .quality_of_service import (
     OVERRIDABLE,
     Entity,
     incompatible_line,
     naming_overrides,
-    output_qos,
     override_names,
     sensor_qos,
 )
@@ -41,6 +43,7 @@ _TROUBLE_LASTS = 3.0
 class DisparityNode(Node):
     """Wires the parts: callbacks pair the images, a worker thread matches and publishes, a timer watches.
 
+    Images are subscribed to only while somebody listens to one of the outputs.
     Raises ValueError for a start-up parameter out of range.
     """
 
@@ -60,19 +63,22 @@ class DisparityNode(Node):
         # Noted before rclpy declares the rest of them, with each topic.
         self._overrides_given = [name for name in overrides if self.has_parameter(name)]
 
-        self._publisher = self._create_output()
+        self._image_subscriptions: list[Subscription[Image]] = []
+        self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
+        self._watchdog = self._new_watchdog()
+        self._outputs = OutputPublishers(self, lambda topic: naming_overrides(topic, self._overrides_given),
+                                         self._report_incompatible, self._heed_listeners)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
         self._processor = FrameProcessor(on_compiling=self._report_compiling)
         self._worker: Worker[StereoFrame] = Worker(
-            self._warm_up, self._process, self._statistics.count_drop, self._report_failure
+            self._warm_up, self._process, self._statistics.count_drop, self._report_failure,
+            lambda: self._settings.current.period
         )
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
         for side in _SIDES:
             self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
-        for side in _SIDES:
-            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
-        self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
-        self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
+        self._subscribe_to_images()  # so that a setting that does not fit is told at the start
+        self._heed_listeners()
         self._rate = Rate(time.monotonic())
         # Not the node's clock: with use_sim_time and no /clock it stands still, and silence is what is to be told.
         self.create_timer(_STATUS_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -92,24 +98,38 @@ class DisparityNode(Node):
 
     def _override_names(self) -> list[str]:
         """The names of all parameters that override the QoS of a topic."""
-        names = [*override_names(self.resolve_topic_name('disparity'), 'publisher')]
+        names: list[str] = []
+        for output in OUTPUTS:
+            names += override_names(self.resolve_topic_name(output.topic), 'publisher')
         for topic in (f'{side}/{name}' for side in _SIDES for name in ('image_rect', 'camera_info')):
             names += override_names(self.resolve_topic_name(topic), 'subscription')
         return names
 
-    def _create_output(self) -> Any:
-        topic = self.resolve_topic_name('disparity')
-        with naming_overrides(topic, self._overrides_given):
-            return self.create_publisher(
-                DisparityImage, 'disparity', output_qos(), qos_overriding_options=OVERRIDABLE,
-                event_callbacks=PublisherEventCallbacks(
-                    incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
-            )
+    def _new_watchdog(self) -> Watchdog:
+        return Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
 
-    def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
+    def _subscribe_to_images(self) -> None:
+        self._watchdog = self._new_watchdog()
+        self._image_subscriptions = [
+            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
+            for side in _SIDES]
+
+    def _heed_listeners(self) -> None:
+        """Take images while somebody listens, and none while nobody does."""
+        listeners = self._outputs.have_listeners()
+        if listeners and not self._image_subscriptions:
+            self._subscribe_to_images()
+        elif not listeners and self._image_subscriptions:
+            for subscription in self._image_subscriptions:
+                self.destroy_subscription(subscription)
+            self._image_subscriptions = []
+
+    def _subscribe[Message](
+        self, message_type: type[Message], name: str, callback: Callable[[Message], None]
+    ) -> Subscription[Message]:
         topic = self.resolve_topic_name(name)
         with naming_overrides(topic, self._overrides_given):
-            self.create_subscription(
+            return self.create_subscription(
                 message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
@@ -141,7 +161,8 @@ class DisparityNode(Node):
         for side, total in self._pairer.unpaired.items():
             self._statistics.set_dropped(f'unpaired {side}', total)
         counts = self._statistics.snapshot()
-        line = self._watchdog.check(time.monotonic(), Traffic(
+        self._heed_listeners()
+        line = None if not self._image_subscriptions else self._watchdog.check(time.monotonic(), Traffic(
             left=counts.received['left'],
             right=counts.received['right'],
             pairs=counts.pairs,
@@ -179,10 +200,11 @@ class DisparityNode(Node):
             self._statistics.count_drop(error.reason)
             self._complain(Line(error.reason, str(error)))
             return
-        self._publisher.publish(done.message)
+        self._outputs.publish(done.frame)
         self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
         if done.geometry_problem:
-            known = f'f = {done.message.f:g}, t = {done.message.t:g}'
+            geometry = done.frame.geometry
+            known = f'f = {geometry.focal_length:g}, t = {geometry.baseline:g}'
             self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
 
     def _report_compiling(self, what: str) -> None:

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from svdm_core import MatcherParameters, ParameterInfo, parameter_table
 
@@ -23,6 +23,30 @@ _OWN_TABLE = (
         'baseline', 0.0, 'distance of the cameras, in place of the one in right/camera_info; 0 takes that one',
         unit='m', minimum=0.0, maximum=1000.0),
     ParameterInfo(
+        'depth_encoding', '32FC1', 'depth in m, NaN where it is unknown (32FC1), or in mm, 0 where unknown (16UC1)',
+        choices=('32FC1', '16UC1')),
+    ParameterInfo(
+        'point_stride', 1, 'points2 has every n-th pixel of every n-th row', minimum=1, maximum=64),
+    ParameterInfo(
+        'downscale', 1, 'images are shrunk by this factor before matching; all outputs have the small size',
+        minimum=1, maximum=4),
+    ParameterInfo(
+        'roi', '', 'the part of the images that is matched: x, y, width, height; empty: all', unit='px',
+        form='four integers such as 100, 50, 640, 400, or empty'),
+    ParameterInfo(
+        'min_depth', 0.0, 'nearest depth that is searched, in place of num_disparities; 0: off', unit='m', minimum=0.0,
+        maximum=1000.0),
+    ParameterInfo(
+        'max_depth', 0.0, 'depths beyond are unknown; 0: off', unit='m', minimum=0.0, maximum=100000.0),
+    ParameterInfo(
+        'max_rate', 0.0, 'most pairs matched in a second, the newest; 0: no limit', unit='Hz', minimum=0.0,
+        maximum=1000.0),
+    ParameterInfo(
+        'speckle_size', 0, 'regions of up to so many pixels that differ from all around are unknown; 0: off', unit='px',
+        minimum=0, maximum=100000),
+    ParameterInfo(
+        'confidence_threshold', 0.0, 'disparities of less confidence are unknown; 0: off', minimum=0.0, maximum=1.0),
+    ParameterInfo(
         'num_threads', 0, 'threads of the matcher; 0 is one a processor', minimum=0, maximum=1024),
 )
 
@@ -30,6 +54,15 @@ _OWN_TABLE = (
 def node_parameter_table() -> tuple[ParameterInfo, ...]:
     """All parameters of the node: the matcher's in the order of its stages, then the node's own."""
     return (*parameter_table(), *_OWN_TABLE)
+
+
+class Region(NamedTuple):
+    """A part of an image, px."""
+
+    x: int
+    y: int
+    width: int
+    height: int
 
 
 _MATCHER_NAMES = frozenset(info.name for info in parameter_table())
@@ -47,16 +80,39 @@ class NodeParameters:
     queue_size: int = 10
     publish_filled: bool = True
     baseline: float = 0.0
+    depth_encoding: str = '32FC1'
+    point_stride: int = 1
+    downscale: int = 1
+    roi: str = ''
+    min_depth: float = 0.0
+    max_depth: float = 0.0
+    max_rate: float = 0.0
+    speckle_size: int = 0
+    confidence_threshold: float = 0.0
     num_threads: int = 0
 
     def __post_init__(self) -> None:
         for info in _OWN_TABLE:
             object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
+        _region(self.roi)
+        if 0 < self.max_depth <= self.min_depth:
+            raise ValueError(f'max_depth = {self.max_depth:g} is not allowed: it must be more than min_depth = '
+                             f'{self.min_depth:g} m, or 0')
 
     @property
     def tolerance_ns(self) -> int:
         """approximate_sync_tolerance in ns."""
         return round(self.approximate_sync_tolerance * 1e9)
+
+    @property
+    def period(self) -> float:
+        """Least time between the beginnings of two pairs, s."""
+        return 1 / self.max_rate if self.max_rate > 0 else 0.0
+
+    @property
+    def region(self) -> Region | None:
+        """What roi says; None: the whole image."""
+        return _region(self.roi)
 
     def replace(self, values: Mapping[str, Any]) -> NodeParameters:
         """A copy with `values` changed, checked as a set."""
@@ -68,3 +124,21 @@ class NodeParameters:
         """The value of one parameter by its ROS name."""
         value: Value = getattr(self.matcher if name in _MATCHER_NAMES else self, name)
         return value
+
+
+def _region(roi: str) -> Region | None:
+    """What the parameter roi says; None: the whole image. Raises ValueError naming it."""
+    text = roi.strip().removeprefix('[').removesuffix(']')
+    if not text.strip():
+        return None
+    numbers = text.replace(',', ' ').split()
+    if len(numbers) != 4 or not all(number.isascii() and number.isdigit() and len(number) < 7 for number in numbers):
+        raise ValueError(f'roi = {roi[:100]!r} is not allowed: it must be {_form("roi")}')
+    region = Region(*map(int, numbers))
+    if not region.width or not region.height:
+        raise ValueError(f'roi = {roi!r} is not allowed: its width and height must be 1 or more')
+    return region
+
+
+def _form(name: str) -> str:
+    return next(info.form for info in _OWN_TABLE if info.name == name)

@@ -10,7 +10,7 @@ Pairs two rectified images, matches them, and publishes the disparity. Runs unti
 
 in:   left/image_rect, right/image_rect      sensor_msgs/Image
       left/camera_info, right/camera_info    sensor_msgs/CameraInfo
-out:  disparity                              stereo_msgs/DisparityImage
+OUTPUTS_TABLE
       /diagnostics                           diagnostic_msgs/DiagnosticArray, once a second
 
   -r left/image_rect:=/cam/left/image_rect   take a topic under another name

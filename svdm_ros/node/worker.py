@@ -1,16 +1,21 @@
 """The one thread that runs the matcher, fed through a mailbox that holds the newest job only."""
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable
+
+_LOOK_AGAIN = 0.1  # s
 
 
 class Worker[Job]:
     """Calls `prepare()` once and then `process(job)` for each job, all in one thread of its own.
 
     A matcher takes one frame at a time, and nobody else is to wait for it.
-    A job that is still waiting when the next one comes is replaced. `on_drop(reason)` is called for each job that is
-    not processed, `on_error(exception)` for whatever `prepare` or `process` raises: the thread goes on.
+    A job that is still waiting when the next one comes is replaced. Jobs begin `period()` seconds apart at least.
+    `on_drop(reason)` is called for each job that is not processed, `on_error(exception)` for whatever `prepare` or
+    `process` raises: the thread goes on.
     """
 
     def __init__(
@@ -19,11 +24,14 @@ class Worker[Job]:
         process: Callable[[Job], None],
         on_drop: Callable[[str], None],
         on_error: Callable[[Exception], None],
+        period: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._prepare = prepare
         self._process = process
         self._on_drop = on_drop
         self._on_error = on_error
+        self._period = period
+        self._begun = -math.inf
         self._waiting: Job | None = None
         self._ready = False
         self._stopping = False
@@ -45,7 +53,8 @@ class Worker[Job]:
             if not self._ready:
                 reason = 'before warm-up'
             else:
-                reason = 'superseded' if self._waiting is not None else ''
+                early = self._early() > 0
+                reason = '' if self._waiting is None else 'above max_rate' if early else 'superseded'
                 self._waiting = job
                 self._wake.notify()
         if reason:
@@ -71,8 +80,16 @@ class Worker[Job]:
         """The waiting job, or None when the worker is to stop."""
         with self._wake:
             self._wake.wait_for(lambda: self._stopping or self._waiting is not None)
+            while not self._stopping and (early := self._early()) > 0:
+                # Meanwhile the waiting job is replaced by newer ones, and the period may change.
+                self._wake.wait(min(early, _LOOK_AGAIN))
+            self._begun = time.monotonic()
             job, self._waiting = self._waiting, None
             return None if self._stopping else job
+
+    def _early(self) -> float:
+        """Seconds until the next job may begin."""
+        return self._begun + self._period() - time.monotonic()
 
     def _guarded(self, work: Callable[..., None], *arguments: Job) -> None:
         try:

@@ -1,4 +1,4 @@
-"""The messages that a processed pair gives: disparity, and on demand depth with its camera_info."""
+"""The messages that a processed pair gives: the outputs asked for, made by the functions that the node has."""
 from __future__ import annotations
 
 import dataclasses
@@ -9,31 +9,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frames.messages import float_image
+from ...frames.matched_frame import MatchedFrame
+from ...frames.outputs import OUTPUTS
 from ..reading.pair_stream import RecordedPair
 from ..reading.recorded_frames import ROS2, TYPES
 from ..reading.recording import Recording
-from ..reading.stereo_topics import CAMERA_INFO, DISPARITY, IMAGE, StereoTopics, info_name
+from ..reading.stereo_topics import CAMERA_INFO, StereoTopics, info_name
 from ..writing.partial_bag import OutputTopic
 
 DISPARITY_TOPIC = '/disparity'
-DEPTH_TOPIC = '/depth/image'
-DEPTH_INFO_TOPIC = '/depth/camera_info'
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Outputs:
-    """What is written beside the disparity. copied: topics of the input; calibrated: write the camera_info given."""
+    """What is written. copied: topics of the input; names: of OUTPUTS; calibrated: write the camera_info given."""
 
     topics: StereoTopics
     copied: frozenset[str]
-    depth: bool
+    names: tuple[str, ...]
     calibrated: bool
 
     def declared(self, recording: Recording) -> list[OutputTopic]:
         """All topics of the output. Raises ValueError where the input has one of the same name."""
-        own = [(DISPARITY_TOPIC, DISPARITY)]
-        own += [(DEPTH_TOPIC, IMAGE), (DEPTH_INFO_TOPIC, CAMERA_INFO)] if self.depth else []
+        own = [(f'/{output.topic}', output.message_type) for output in OUTPUTS if output.name in self.names]
         own += [(name, CAMERA_INFO) for name in self._info_names] if self.calibrated else []
         for name, _ in own:
             if name in self.copied:
@@ -42,14 +40,11 @@ class Outputs:
         return [*(OutputTopic(name, kind, ROS2) for name, kind in own),
                 *(OutputTopic(topic.name, topic.message_type, recording.typestore, topic.qos) for topic in copies)]
 
-    def messages(self, pair: RecordedPair, disparity: Any) -> Iterator[tuple[str, memoryview]]:
+    def messages(self, pair: RecordedPair, frame: MatchedFrame) -> Iterator[tuple[str, memoryview]]:
         """Topic and CDR of each message of one pair."""
-        yield DISPARITY_TOPIC, ROS2.serialize_cdr(disparity, DISPARITY)
-        if self.depth:
-            yield DEPTH_TOPIC, ROS2.serialize_cdr(depth_image(disparity), IMAGE)
-            if pair.left_info is not None:
-                info = dataclasses.replace(pair.left_info, header=disparity.header)
-                yield DEPTH_INFO_TOPIC, ROS2.serialize_cdr(info, CAMERA_INFO)
+        for output in OUTPUTS:
+            if output.name in self.names:
+                yield f'/{output.topic}', ROS2.serialize_cdr(output.make(frame, TYPES), output.message_type)
         if self.calibrated:
             for name, info, image in zip(self._info_names, (pair.left_info, pair.right_info), (pair.left, pair.right),
                                          strict=True):
@@ -68,12 +63,3 @@ def pixels_of(image: Any) -> NDArray[np.float32]:
     stored = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, :4 * image.width]
     values = np.ascontiguousarray(stored).view('>f4' if image.is_bigendian else '<f4')
     return values if sys.byteorder == 'little' and not image.is_bigendian else values.astype(np.float32)
-
-
-def depth_image(disparity: Any) -> Any:
-    """Z = f T / d as sensor_msgs/Image 32FC1, m; NaN where there is no valid disparity, or f or T is unknown (0)."""
-    values = pixels_of(disparity.image)
-    valid = (values >= disparity.min_disparity) & (values > 0) & (disparity.f * disparity.t > 0)
-    depth = np.full(values.shape, np.nan, np.float32)
-    np.divide(np.float32(disparity.f * disparity.t), values, out=depth, where=valid)
-    return float_image(depth, disparity.header, TYPES)

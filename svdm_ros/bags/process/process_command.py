@@ -20,6 +20,7 @@ from svdm_core.runtime import configure
 
 from ...calibration.calibration_files import read_calibration
 from ...command_line.user_files import SETTINGS, read_yaml
+from ...frames.outputs import output_names
 from ...node.parameter_set import NodeParameters, Value, node_parameter_table
 from ..writing.output_place import check_apart
 from ..writing.partial_folder import remove_marks
@@ -39,7 +40,8 @@ def run(options: argparse.Namespace) -> int:
     parameters = _parameters(options.params or options.preset, options.changes)
     template = Job(
         inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
-        duration_s=options.duration, copy_inputs=options.copy_inputs, depth=options.depth, preview=options.preview,
+        duration_s=options.duration, copy_inputs=options.copy_inputs, outputs=_outputs(options),
+        preview=options.preview,
         calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
     is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
     jobs = [template] if is_one else _jobs(template, inputs)
@@ -48,6 +50,17 @@ def run(options: argparse.Namespace) -> int:
         if job.force:
             check_apart(job.output, read)
     return _run_one(template) if is_one else _run_many(jobs, options)
+
+
+def _outputs(options: argparse.Namespace) -> tuple[str, ...]:
+    names = [name.strip() for name in options.outputs.split(',')]
+    for name in names:
+        if name not in output_names():
+            raise ValueError(f'--outputs: {name[:100]!r} is not allowed: it must be of {", ".join(output_names())}, '
+                             'separated by commas')
+    if options.preview and 'disparity' not in names:
+        raise ValueError(f'--preview {options.preview} is drawn from the output disparity: add it to --outputs')
+    return tuple(name for name in output_names() if name in names)
 
 
 def _run_one(job: Job) -> int:

@@ -13,7 +13,7 @@ from ...command_line.interrupts import deferred_interrupts
 from ...frames.frame_processing import FrameError, FrameProcessor, StereoFrame
 from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
-from ..reading.recorded_frames import TYPES, as_image
+from ..reading.recorded_frames import as_image
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
 from ..reading.stereo_topics import StereoTopics, find_stereo_topics
 from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
@@ -48,7 +48,7 @@ class Job:
     start_s: float = 0.0
     duration_s: float | None = None
     copy_inputs: bool = False
-    depth: bool = False
+    outputs: tuple[str, ...] = ('disparity',)
     calibration: StereoCalibration | None = None
     preview: str | None = None
     force: bool = False
@@ -79,7 +79,7 @@ def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
         topics = _topics(job, recording)
         images = frozenset({topics.left, topics.right}) if job.copy_inputs else frozenset()
         infos = infos_of(job.calibration) if job.calibration else None
-        outputs = Outputs(topics, images | frozenset(topics.infos), job.depth, calibrated=infos is not None)
+        outputs = Outputs(topics, images | frozenset(topics.infos), job.outputs, calibrated=infos is not None)
         start_ns = recording.start_ns + round(job.start_s * 1e9)
         stop_ns = recording.end_ns if job.duration_s is None else start_ns + round(job.duration_s * 1e9)
         stream = PairStream(recording, topics, job.parameters.tolerance_ns, copied=outputs.copied,
@@ -101,7 +101,7 @@ class _Run:
         self._stream = stream
         self._outputs = outputs
         self._bag = bag
-        self._processor = FrameProcessor(TYPES)
+        self._processor = FrameProcessor()
         try:
             self._progress = Progress.of(bag.state)
         except ValueError as error:
@@ -178,8 +178,8 @@ class _Run:
         if result.geometry_problem:
             progress.notes[result.geometry_problem] += 1
         if pair.ground_truth is not None:
-            progress.judge(result.message, pair.ground_truth)
-        return self._outputs.messages(pair, result.message)
+            progress.judge(result.frame.published, pair.ground_truth)
+        return self._outputs.messages(pair, result.frame)
 
     def _write(
         self, messages: Iterator[tuple[str, bytes | memoryview]], time_ns: int, state: dict[str, Any]
@@ -220,8 +220,8 @@ def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
         'recording': [[path.name, path.stat().st_size, path.stat().st_mtime_ns] for path in files],
         'topics': [topics.left, topics.right],
         'parameters': parameters,
-        '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs, '--depth': job.depth,
-        '--calib': _matrices(job.calibration),
+        '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs,
+        '--outputs': list(job.outputs), '--calib': _matrices(job.calibration),
     }
 
 

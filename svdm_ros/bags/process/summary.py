@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...command_line.user_files import shown
 from ..reading.pair_stream import PairingCounts
@@ -52,9 +53,9 @@ class Progress:
         self.dropped[reason] += 1
         self.reasons.setdefault(reason, line)
 
-    def judge(self, disparity: Any, ground_truth: Any) -> None:
-        """Add the error of one DisparityImage against another, where that is valid."""
-        truth, found = pixels_of(ground_truth.image), pixels_of(disparity.image)
+    def judge(self, found: NDArray[np.float32], ground_truth: Any) -> None:
+        """Add the error of published disparities, float32 (H, W), against a DisparityImage, where that is valid."""
+        truth = pixels_of(ground_truth.image)
         if truth.shape != found.shape:
             self.notes['the ground truth has another size than the images'] += 1
             return

@@ -19,17 +19,28 @@ ROS2 = get_typestore(Stores.ROS2_JAZZY)
 _KEPT = 1000
 
 
-def _bytes_of(pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
-    return pixels.reshape(-1).view(np.uint8)
+def _bytes_of(values: NDArray[Any]) -> NDArray[np.uint8]:
+    return values.reshape(-1).view(np.uint8)
+
+
+def _room(shape: tuple[int, ...]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    values = np.empty(shape, np.float32)
+    return _bytes_of(values), values
 
 
 TYPES = MessageTypes(
     ROS2.types['stereo_msgs/msg/DisparityImage'],
     ROS2.types['sensor_msgs/msg/Image'],
+    ROS2.types['sensor_msgs/msg/CompressedImage'],
+    ROS2.types['sensor_msgs/msg/PointCloud2'],
+    ROS2.types['sensor_msgs/msg/PointField'],
+    ROS2.types['sensor_msgs/msg/CameraInfo'],
     ROS2.types['sensor_msgs/msg/RegionOfInterest'],
     _bytes_of,
+    _room,
+    lambda numbers: np.array(numbers, np.float64),
 )
-"""What DisparityImage and Image are built from where there is no ROS."""
+"""What messages are built from where there is no ROS."""
 
 
 def stamp_ns(message: Any) -> int:

@@ -17,7 +17,7 @@ def camera_info(side, f=FOCAL_LENGTH, cx=None, tx=None, width=WIDTH, height=HEIG
         cx = CX_LEFT if side == 'left' else CX_RIGHT
     if tx is None:
         tx = 0.0 if side == 'left' else -f * BASELINE
-    p = [f, 0.0, cx, tx, 0.0, f, 480.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    p = [f, 0.0, cx, tx, 0.0, f, height / 2, 0.0, 0.0, 0.0, 1.0, 0.0]
     return CameraInfo(width=width, height=height, p=p, **fields)
 
 
@@ -121,12 +121,12 @@ def test_the_baseline_in_the_left_camera_info_points_to_swapped_topics():
 
 @pytest.mark.parametrize('tx', [-120.0, 45.0])
 def test_a_left_camera_that_is_not_the_origin_is_a_problem_but_keeps_the_rest(tx):
-    """The baseline of two cameras out of more is the difference of both; the message takes that of the right one."""
-    infos = camera_info('left', tx=tx), camera_info('right')
+    """The baseline of two cameras out of more is the difference of both."""
+    infos = camera_info('left', tx=tx), camera_info('right', tx=tx - FOCAL_LENGTH * BASELINE)
     geometry = stereo_geometry(*infos, WIDTH, HEIGHT)
     assert (geometry.focal_length, geometry.baseline) == (FOCAL_LENGTH, pytest.approx(BASELINE))
-    assert geometry.problem.startswith(f'left/camera_info has P[3] = {tx:g}, it must be 0')
-    assert 'set the parameter baseline' in geometry.problem
+    assert geometry.problem.startswith(f'left/camera_info has P[3] = {tx:g}, so the left camera is not the origin')
+    assert 'the baseline 0.12 m' in geometry.problem and 'set the parameter baseline' in geometry.problem
     assert stereo_geometry(*infos, WIDTH, HEIGHT, baseline=0.2).problem == ''
 
 
@@ -192,3 +192,35 @@ def test_an_uncalibrated_camera_is_a_problem(focal_length):
     geometry = geometry_of(f=focal_length)
     assert 'left/camera_info is not calibrated' in geometry.problem
     assert geometry.focal_length == 0
+
+
+@pytest.mark.parametrize(('entry', 'value', 'told'), [
+    (1, 52.43, 'P[1] = 52.43, it must be 0'), (5, 1020.0, 'P[0] = 1000 and P[5] = 1020, they must be the same'),
+    (6, 475.0, 'cy of'), (1, 1e-9, ''), (5, 1002.0, ''), (6, 480.4, '')])
+@pytest.mark.parametrize('side', ['left', 'right'])
+def test_a_p_matrix_of_no_rectified_pair_is_told(side, entry, value, told):
+    infos = {name: camera_info(name) for name in ('left', 'right')}
+    infos[side].p[entry] = value
+    geometry = stereo_geometry(infos['left'], infos['right'], WIDTH, HEIGHT)
+    assert told in geometry.problem and bool(geometry.problem) is bool(told)
+    assert geometry.baseline == pytest.approx(BASELINE)
+
+
+@pytest.mark.parametrize(('metres', 'told'), [(7.5, ''), (12.0, 'cm or mm'), (120.0, 'cm or mm')])
+def test_a_baseline_in_cm_or_mm_is_told(metres, told):
+    geometry = stereo_geometry(camera_info('left'), camera_info('right', tx=-FOCAL_LENGTH * metres), WIDTH, HEIGHT)
+    assert geometry.baseline == pytest.approx(metres)
+    assert told in geometry.problem and bool(geometry.problem) is bool(told)
+
+
+@given(x=st.integers(0, 700), y=st.integers(0, 500), factor=st.integers(1, 4), u=st.floats(300, 900),
+       v=st.floats(100, 800), shift=st.floats(5, 250))
+def test_a_point_is_the_same_in_any_part_of_the_image_and_at_any_scale(x, y, factor, u, v, shift):
+    def point(geometry, u, v, disparity):
+        z = geometry.focal_length * geometry.baseline / (disparity - geometry.principal_offset)
+        return (u - geometry.cx) * z / geometry.focal_length, (v - geometry.cy) * z / geometry.focal_length_y, z
+
+    whole, part = geometry_of(), geometry_of().cropped(x, y).shrunk(factor)
+    shift += abs(whole.principal_offset)
+    small = ((u - x + 0.5) / factor - 0.5, (v - y + 0.5) / factor - 0.5)
+    assert point(part, *small, shift / factor) == pytest.approx(point(whole, u, v, shift), rel=1e-6, abs=1e-6)

@@ -7,6 +7,7 @@ from sensor_msgs.msg import Image
 
 from svdm_core import matcher
 from svdm_ros.frames.frame_processing import FrameProcessor, StereoFrame
+from svdm_ros.frames.messages import disparity_image, rclpy_types
 from svdm_ros.node.parameter_set import NodeParameters
 
 
@@ -26,7 +27,7 @@ def test_a_negative_range_goes_through_and_what_is_compiled_is_told_once(monkeyp
     parameters = NodeParameters().replace({'min_disparity': -12, 'num_disparities': 11, 'publish_filled': False})
     frame = StereoFrame(mono(left), mono(right), None, None, 0.0)
     for _ in range(2):
-        message = processor.process(frame, parameters).message
+        message = disparity_image(processor.process(frame, parameters).frame, rclpy_types())
         parameters = parameters.replace({'alpha': 3.0})
     assert told == ['8-bit grey images and 1 to 32 disparities']
     assert (message.min_disparity, message.max_disparity, message.delta_d) == (-12, -2, 1 / 64)

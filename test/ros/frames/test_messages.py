@@ -11,7 +11,10 @@ from std_msgs.msg import Header
 
 from svdm_core import DisparityResult, MatcherParameters
 from svdm_ros.calibration.geometry import StereoGeometry
-from svdm_ros.frames.messages import disparity_image
+from svdm_ros.frames import messages
+from svdm_ros.frames.filtering import known_pixels
+from svdm_ros.frames.matched_frame import MatchedFrame
+from svdm_ros.node.parameter_set import NodeParameters
 
 HEADER = Header(stamp=Time(sec=12, nanosec=34), frame_id='left_camera')
 GEOMETRY = StereoGeometry(focal_length=500.0, baseline=0.25, principal_offset=3.5)
@@ -21,6 +24,13 @@ PARAMETERS = MatcherParameters(min_disparity=4, num_disparities=16, subpixel=Fal
 def result_of(disparity, valid=None, step=1.0):
     disparity = np.asarray(disparity, np.float32)
     return DisparityResult(disparity, np.ones(disparity.shape, bool) if valid is None else np.asarray(valid), {}, step)
+
+
+def disparity_image(result, geometry, matcher, header, publish_filled=True):
+    parameters = NodeParameters(matcher, publish_filled=publish_filled)
+    frame = MatchedFrame(header, np.zeros(result.disparity.shape, np.uint8), result.disparity, result.valid,
+                         known_pixels(result, geometry, parameters), result.step, geometry, parameters)
+    return messages.disparity_image(frame, messages.rclpy_types())
 
 
 def pixels(message):

@@ -35,11 +35,12 @@ from recordings import (
 from svdm_core import MatcherParameters, StereoMatcher
 from svdm_ros.bags.reading.recording import open_recording
 from svdm_ros.frames.frame_processing import FrameProcessor, StereoFrame
+from svdm_ros.frames.messages import disparity_image, rclpy_types
 from svdm_ros.node.parameter_set import NodeParameters
 
 pytest_plugins = ['process_bag_fixtures']
 
-DISPARITY, DEPTH, DEPTH_INFO = '/disparity', '/depth/image', '/depth/camera_info'
+DISPARITY, DEPTH, DEPTH_INFO = '/disparity', '/depth/image_rect', '/depth/camera_info'
 PARAMETERS = MatcherParameters(num_disparities=16)
 
 
@@ -73,7 +74,8 @@ def test_the_bytes_are_those_of_the_node(bag, run, tmp_path):
     processor, parameters = FrameProcessor(), NodeParameters(PARAMETERS)
     with open_recording(tmp_path / 'out') as recording:
         for message, *frame in zip(recording.messages([DISPARITY]), *came.values(), strict=True):
-            published = serialize_message(processor.process(StereoFrame(*frame, arrived=0.0), parameters).message)
+            matched = processor.process(StereoFrame(*frame, arrived=0.0), parameters).frame
+            published = serialize_message(disparity_image(matched, rclpy_types()))
             assert len(published) == len(message.data)
             # rclpy leaves in the padding between fields what was there before; rosbags writes zeros.
             fields = ROS2.deserialize_cdr(published, message.message_type)
@@ -124,7 +126,7 @@ def test_compressed_images_are_decoded(run, tmp_path, suffix):
 
 
 def test_depth_is_z_with_the_camera_info_of_the_left_image(bag, run, tmp_path):
-    run(bag, '--depth', '--set', 'publish_filled=false')
+    run(bag, '--outputs', 'depth,disparity', '--set', 'publish_filled=false')
     disparities, depths, infos = (messages_of(tmp_path / 'out', topic) for topic in (DISPARITY, DEPTH, DEPTH_INFO))
     assert len(depths) == len(infos) == 5
     for (_, disparity), (_, depth), (_, info) in zip(disparities, depths, infos, strict=True):
@@ -134,7 +136,8 @@ def test_depth_is_z_with_the_camera_info_of_the_left_image(bag, run, tmp_path):
         assert 0.3 < valid.mean() < 1
         np.testing.assert_allclose(values(depth, None)[valid], F * T / pixels[valid], rtol=1e-6)
         assert np.isnan(values(depth, None)[~valid]).all()
-        np.testing.assert_array_equal(info.p, camera_info('left', 0).p)
+        np.testing.assert_allclose(info.p, camera_info('left', 0).p, rtol=1e-12)
+        assert (info.width, info.height) == (depth.width, depth.height)
 
 
 def test_start_and_duration_cut_a_part_out(bag, run, tmp_path):

@@ -34,7 +34,7 @@ from svdm_ros.bags.writing import partial_bag
 
 pytest_plugins = ['process_bag_fixtures']
 
-DISPARITY, DEPTH, DEPTH_INFO = '/disparity', '/depth/image', '/depth/camera_info'
+DISPARITY, DEPTH, DEPTH_INFO = '/disparity', '/depth/image_rect', '/depth/camera_info'
 PARAMETERS = MatcherParameters(num_disparities=16)
 
 
@@ -68,7 +68,7 @@ def test_what_gives_nothing_is_refused_with_one_line_and_leaves_nothing(run, tmp
 
 
 def test_without_camera_info_f_and_t_are_0_and_it_says_so(run, tmp_path):
-    told = run(write(tmp_path / 'bag', stereo(3, infos=False)), '--depth')
+    told = run(write(tmp_path / 'bag', stereo(3, infos=False)), '--outputs', 'disparity,depth')
     assert 'in 3 pairs: no left/camera_info and no right/camera_info received' in told
     assert [(message.f, message.t) for _, message in messages_of(tmp_path / 'out', DISPARITY)] == [(0, 0)] * 3
     assert all(np.isnan(values(message, None)).all() for _, message in messages_of(tmp_path / 'out', DEPTH))

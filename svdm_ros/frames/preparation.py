@@ -1,0 +1,71 @@
+"""What happens to a pair of images, and to its geometry and search range, before it is matched."""
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from svdm_core import MatcherParameters
+
+    from ..calibration.geometry import StereoGeometry
+    from ..node.parameter_set import NodeParameters
+
+_MOST_DISPARITIES = 1024
+
+
+class PreparedPair(NamedTuple):
+    """left, right: the images to be matched, uint8 or uint16, (H, W) or (H, W, 3). geometry: of these images."""
+
+    left: NDArray[Any]
+    right: NDArray[Any]
+    geometry: StereoGeometry
+
+
+def prepare(
+    left: NDArray[Any], right: NDArray[Any], geometry: StereoGeometry, parameters: NodeParameters
+) -> PreparedPair:
+    """Cut out `roi` and shrink by `downscale`, which changes no depth.
+
+    Raises ValueError where the images have no such part.
+    """
+    region = parameters.region
+    if region is not None:
+        height, width = left.shape[:2]
+        if region.x + region.width > width or region.y + region.height > height:
+            raise ValueError(f'roi = {parameters.roi!r} is not within the image of {width}x{height} px')
+        rows, columns = slice(region.y, region.y + region.height), slice(region.x, region.x + region.width)
+        left, right, geometry = left[rows, columns], right[rows, columns], geometry.cropped(region.x, region.y)
+    factor = parameters.downscale
+    if factor > 1:
+        if min(left.shape[:2]) < factor:
+            raise ValueError(f'downscale = {factor} leaves nothing of {left.shape[1]}x{left.shape[0]} px')
+        left, right, geometry = _shrunk(left, factor), _shrunk(right, factor), geometry.shrunk(factor)
+    return PreparedPair(left, right, geometry)
+
+
+def _shrunk(image: NDArray[Any], factor: int) -> NDArray[Any]:
+    """Means of factor x factor px; what is left over at the right and below is cut off."""
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    whole = np.ascontiguousarray(image[:height * factor, :width * factor])
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[MatcherParameters, str]:
+    """The matcher's parameters with num_disparities for `min_depth` where that is set, and what is wrong with it."""
+    if parameters.min_depth == 0:
+        return parameters.matcher, ''
+    distance = geometry.focal_length * geometry.baseline
+    if distance == 0:
+        return parameters.matcher, 'min_depth is not used, as the focal length or the baseline is not known'
+    start = parameters.matcher.min_disparity
+    wanted = math.ceil(distance / parameters.min_depth + geometry.principal_offset) - start + 1
+    count = min(max(wanted, 1), _MOST_DISPARITIES)
+    problem = '' if wanted == count else (
+        f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and '
+        f'1 to {_MOST_DISPARITIES} can be searched: set downscale, min_disparity or another min_depth')
+    return dataclasses.replace(parameters.matcher, num_disparities=count), problem

@@ -1,0 +1,51 @@
+"""The node's publishers: one for each output, and which of them somebody listens to."""
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosidl_runtime_py.utilities import get_message
+
+from ..frames.matched_frame import MatchedFrame
+from ..frames.messages import rclpy_types
+from ..frames.outputs import OUTPUTS, Output
+from .quality_of_service import OVERRIDABLE, Entity, output_qos
+
+
+class OutputPublishers:
+    """Makes a publisher for each of OUTPUTS; messages are made for those with subscribers only."""
+
+    def __init__(
+        self, node: Node, opening: Callable[[str], AbstractContextManager[None]],
+        on_incompatible: Callable[[str, Entity, Any], None], on_listeners: Callable[[], None],
+    ) -> None:
+        """opening: around the making of a publisher of a topic. on_listeners: called when a subscriber comes or goes.
+
+        Raises ValueError where a topic cannot be opened.
+        """
+        self._publishers: list[tuple[Output, Publisher[Any]]] = []
+        for output in OUTPUTS:
+            topic = node.resolve_topic_name(output.topic)
+            events = PublisherEventCallbacks(
+                incompatible_qos=lambda event, topic=topic: on_incompatible(topic, 'publisher', event),
+                matched=lambda _: on_listeners())
+            with opening(topic):
+                publisher = node.create_publisher(
+                    get_message(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
+                    event_callbacks=events)
+            self._publishers.append((output, publisher))
+
+    def wanted(self) -> Iterator[tuple[Output, Publisher[Any]]]:
+        """The outputs that somebody listens to."""
+        return ((output, publisher) for output, publisher in self._publishers if publisher.get_subscription_count())
+
+    def have_listeners(self) -> bool:
+        return any(True for _ in self.wanted())
+
+    def publish(self, frame: MatchedFrame) -> None:
+        for output, publisher in self.wanted():
+            publisher.publish(output.make(frame, rclpy_types()))
