@@ -1,6 +1,7 @@
 """The node's publishers: one for each output, and which of them somebody listens to."""
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any
@@ -8,7 +9,6 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rosidl_runtime_py.utilities import get_message
 
 from ..frames.matched_frame import MatchedFrame
 from ..frames.messages import rclpy_types
@@ -35,7 +35,7 @@ class OutputPublishers:
                 matched=lambda _: on_listeners())
             with opening(topic):
                 publisher = node.create_publisher(
-                    get_message(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
+                    _message_class(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
                     event_callbacks=events)
             self._publishers.append((output, publisher))
 
@@ -49,3 +49,10 @@ class OutputPublishers:
     def publish(self, frame: MatchedFrame) -> None:
         for output, publisher in self.wanted():
             publisher.publish(output.make(frame, rclpy_types()))
+
+
+def _message_class(name: str) -> type:
+    """The class of 'sensor_msgs/msg/Image'."""
+    package, _, kind = name.split('/')
+    found: type = getattr(importlib.import_module(f'{package}.msg'), kind)
+    return found

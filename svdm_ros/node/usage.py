@@ -4,13 +4,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
+_USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
 
-Pairs two rectified images, matches them, and publishes the disparity. Runs until Ctrl-C.
+Pairs two rectified images, matches them, and publishes what somebody listens to. Runs until Ctrl-C.
 
 in:   left/image_rect, right/image_rect      sensor_msgs/Image
       left/camera_info, right/camera_info    sensor_msgs/CameraInfo
-OUTPUTS_TABLE
+{outputs}
       /diagnostics                           diagnostic_msgs/DiagnosticArray, once a second
 
   -r left/image_rect:=/cam/left/image_rect   take a topic under another name
@@ -23,12 +23,20 @@ All parameters can be changed while the node runs:
 '''
 
 
+def usage() -> str:
+    """What --help prints; the outputs are those of OUTPUTS."""
+    from ..frames.outputs import OUTPUTS  # takes a moment, as numpy and OpenCV come with it
+
+    rows = [f'{output.topic:<39}{output.message_type.replace("/msg", ""):<28}{output.meaning}' for output in OUTPUTS]
+    return _USAGE.format(outputs='out:  ' + '\n      '.join(rows))
+
+
 def answer(arguments: Sequence[str]) -> int | None:
     """The exit code where `arguments` (those that are not for ROS) are answered by a text; None: start the node."""
     if not arguments:
         return None
     if any(argument in ('-h', '--help') for argument in arguments):
-        print(USAGE, end='')
+        print(usage(), end='')
         return 0
     print(f'disparity_node: unknown argument {arguments[0]!r}: topics and parameters are set behind --ros-args, as in '
           '--ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)

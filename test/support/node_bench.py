@@ -85,6 +85,10 @@ class NodeProcess:
         return self._log.read_text()
 
     @property
+    def pid(self):
+        return self._process.pid
+
+    @property
     def running(self):
         return self._process.poll() is None
 
@@ -140,8 +144,19 @@ class Client:
             for kind, name in ((Image, 'image_rect'), (CameraInfo, 'camera_info')):
                 topic = f'{side}/{name}'
                 self.outputs[topic] = self._node.create_publisher(kind, topic, image_qos)
-        self._node.create_subscription(DisparityImage, 'disparity', self.received.append, disparity_qos)
+        self._subscriptions = {}
+        self.subscribe(DisparityImage, 'disparity', self.received, disparity_qos)
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._take_diagnostics, 10)
+
+    def subscribe(self, kind, topic, received, qos=10):
+        """From now on messages of a topic go into the list `received`."""
+        self._subscriptions[topic] = self._node.create_subscription(kind, topic, received.append, qos)
+
+    def unsubscribe(self, topic):
+        self._node.destroy_subscription(self._subscriptions.pop(topic))
+
+    def subscribers_of(self, topic):
+        return self._node.count_subscribers(topic)
 
     def close(self):
         self._executor.shutdown()
@@ -163,6 +178,11 @@ class Client:
                 each()
             self._executor.spin_once(timeout_sec=0.02)
         return value
+
+    def spin_for(self, seconds):
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
 
     def wait_for_node(self):
         """Wait until the cameras and the node have found each other, and a first pair has been answered."""

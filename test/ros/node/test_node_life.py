@@ -15,6 +15,7 @@ from node_bench import (
     running_node,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from stereo_msgs.msg import DisparityImage
 
 SLOW = {'num_disparities': 512, 'median_scope': 'all'}
 LARGE = {'width': 320, 'height': 240}
@@ -170,6 +171,7 @@ def test_an_impatient_user_gets_0_as_well(tmp_path):
 
 DEFECTS = """
 import sys
+from stereo_msgs.msg import DisparityImage
 from svdm_ros.frames import frame_processing
 from svdm_ros.node import disparity_node
 from svdm_ros.__main__ import main
@@ -214,7 +216,8 @@ def test_an_incompatible_qos_is_told_with_the_setting_that_mends_it(tmp_path):
             '-p qos_overrides./disparity.publisher.durability:=',
     }
     arguments = ['-p', f'{override}:=reliable']
-    with running_node(tmp_path, *arguments, image_qos=best_effort, disparity_qos=latched) as (node, _):
+    with running_node(tmp_path, *arguments, image_qos=best_effort, disparity_qos=latched) as (node, client):
+        client.subscribe(DisparityImage, 'disparity', [])  # else the node takes no images
         for problem, remedy in told.items():
             line = node.wait_for_log(problem)
             assert '[ERROR]' in line
