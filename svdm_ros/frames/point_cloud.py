@@ -2,8 +2,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,13 +28,7 @@ def point_cloud(frame: MatchedFrame, types: MessageTypes) -> Any:
     left = frame.left[::stride, ::stride]
     height, width = depth.shape
     data, points = types.room((height, width, _POINT // 4))
-    _fill_positions(points, depth, frame, stride)
-    if left.ndim == 3:
-        colours = points.view(np.uint8)[..., 12:]
-        colours[..., :3] = left if left.dtype == np.uint8 else left >> 8
-        colours[..., 3] = 0
-    else:
-        points[..., 3] = left
+    cv2.merge([*_positions(depth, frame, stride), _packed(left)], points)
     fields = [types.point_field(name=name, offset=4 * number, datatype=_FLOAT32, count=1)
               for number, name in enumerate(('x', 'y', 'z', 'rgb' if left.ndim == 3 else 'intensity'))]
     return types.point_cloud2(
@@ -40,11 +36,20 @@ def point_cloud(frame: MatchedFrame, types: MessageTypes) -> Any:
         point_step=_POINT, row_step=_POINT * width, data=data, is_dense=False)
 
 
-def _fill_positions(points: NDArray[np.float32], depth: NDArray[np.float32], frame: MatchedFrame, stride: int) -> None:
+def _packed(left: NDArray[Any]) -> NDArray[np.float32]:
+    """float32 (H, W): the grey levels, or the bytes blue, green, red, 0."""
+    if left.ndim == 2:
+        return left.astype(np.float32)
+    colours = np.asarray(cv2.cvtColor(left if left.dtype == np.uint8 else (left >> 8).astype(np.uint8),
+                                      cv2.COLOR_BGR2BGRA)).view('<u4')[..., 0]
+    return np.bitwise_and(colours, 0xFFFFFF, dtype=np.uint32).view(np.float32)
+
+
+def _positions(depth: NDArray[np.float32], frame: MatchedFrame, stride: int) -> Iterator[NDArray[np.float32]]:
     """x, y and z of each point: (u - cx) Z / fx, (v - cy) Z / fy, Z."""
     geometry = frame.geometry
     across = (stride * np.arange(depth.shape[1]) - geometry.cx) / (geometry.focal_length or 1)
     down = (stride * np.arange(depth.shape[0]) - geometry.cy) / (geometry.focal_length_y or 1)
-    np.multiply(depth, across.astype(np.float32), out=points[..., 0])
-    np.multiply(depth, down.astype(np.float32)[:, None], out=points[..., 1])
-    points[..., 2] = depth
+    yield depth * across.astype(np.float32)
+    yield depth * down.astype(np.float32)[:, None]
+    yield depth

@@ -140,7 +140,7 @@ def test_points_have_the_colours_or_the_grey_levels_of_the_left_image(dtype, shi
 
 
 def test_the_preview_goes_from_blue_to_red_over_the_search_range_and_is_black_where_nothing_is_known():
-    values = np.repeat([[-4.0, 15.5, 35.0, 15.5]], 16, axis=0).repeat(16, axis=1)
+    values = np.repeat([[-4.0, 15.4, 35.0, 15.4]], 16, axis=0).repeat(16, axis=1)
     valid = np.repeat([[True, True, True, False]], 16, axis=0).repeat(16, axis=1)
     frame = frame_of(values, valid, publish_filled=False)
     picture = pixels(made(frame, 'disparity/preview'))
