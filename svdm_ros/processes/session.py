@@ -1,4 +1,4 @@
-"""A node of demo and benchmark: receives disparity, reads the counts of disparity_node and sets its parameters."""
+"""What listens to disparity_node, for demo and benchmark: receives disparity, reads the counts, sets parameters."""
 from __future__ import annotations
 
 import dataclasses
@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
@@ -37,22 +37,22 @@ class Frame:
         return (self.received - self.stamp) / 1e6
 
 
-class Session(Node):
-    """Collects `frames` and the node's `counts` while one of its waiting methods runs.
+class Session:
+    """Collects `frames` and the node's `counts` while one of its waiting methods runs; rclpy must be up.
 
     `check` is called all the while and raises RunError when there is no point in waiting on.
     """
 
     def __init__(self, check: Callable[[], None]) -> None:
-        super().__init__('demo_session')
         self.frames: list[Frame] = []
         self.counts: dict[str, str] = {}
         self._check = check
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self)
-        self._parameters = AsyncParameterClient(self, NODE_NAME)
-        self.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
+        self._node = rclpy.create_node('demo_session')
+        self._executor.add_node(self._node)
+        self._parameters = AsyncParameterClient(self._node, NODE_NAME)
+        self._node.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
 
     def wait_for(self, done: Callable[[], bool], timeout: float, complaint: str) -> None:
         """Receive until `done()`; RunError with `complaint` after `timeout` s."""
