@@ -15,6 +15,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 from stereo_msgs.msg import DisparityImage
 
 from svdm_core.presets import preset_folder
@@ -92,7 +93,7 @@ def measure(
         finally:
             for child in reversed(children):
                 child.stop()
-            rclpy.try_shutdown()
+            try_shutdown()
 
 
 def figures(

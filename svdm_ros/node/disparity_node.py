@@ -3,12 +3,18 @@ from __future__ import annotations
 
 import time
 import traceback
-from typing import Any
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import (
+    PublisherEventCallbacks,
+    QoSRequestedIncompatibleQoSInfo,
+    SubscriptionEventCallbacks,
+)
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import qos_policy_name_from_kind
 from sensor_msgs.msg import CameraInfo, Image
 from stereo_msgs.msg import DisparityImage
@@ -68,9 +74,9 @@ class DisparityNode(Node):
         )
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
         for side in _SIDES:
-            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
+            self._subscribe(CameraInfo, side, 'camera_info', self._take_info)
         for side in _SIDES:
-            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
+            self._subscribe(Image, side, 'image_rect', self._take_image)
         self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
         self._watchdog = Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
         self._rate = Rate(time.monotonic())
@@ -97,7 +103,7 @@ class DisparityNode(Node):
             names += override_names(self.resolve_topic_name(topic), 'subscription')
         return names
 
-    def _create_output(self) -> Any:
+    def _create_output(self) -> Publisher:
         topic = self.resolve_topic_name('disparity')
         with naming_overrides(topic, self._overrides_given):
             return self.create_publisher(
@@ -106,11 +112,16 @@ class DisparityNode(Node):
                     incompatible_qos=lambda event: self._report_incompatible(topic, 'publisher', event)),
             )
 
-    def _subscribe(self, message_type: type, name: str, callback: Any) -> None:
-        topic = self.resolve_topic_name(name)
+    def _subscribe[Message](
+        self, message_type: type[Message], side: SideName, name: str, take: Callable[[SideName, Message], None]
+    ) -> None:
+        def receive(message: Message) -> None:
+            take(side, message)
+
+        topic = self.resolve_topic_name(f'{side}/{name}')
         with naming_overrides(topic, self._overrides_given):
             self.create_subscription(
-                message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+                message_type, f'{side}/{name}', receive, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
             )
@@ -211,7 +222,7 @@ class DisparityNode(Node):
         if text is not None:
             self.get_logger().info(text)
 
-    def _report_incompatible(self, topic: str, entity: Entity, event: Any) -> None:
+    def _report_incompatible(self, topic: str, entity: Entity, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         line = Line(f'qos {topic} {policy}', incompatible_line(topic, entity, policy))
         text = self._throttle.admit(line, time.monotonic())

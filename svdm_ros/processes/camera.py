@@ -58,7 +58,8 @@ class Camera:
         self._images: list[tuple[Publisher, Image]] = []
         for side, pixels in (('left', scene.left), ('right', scene.right)):
             if size is not None:
-                pixels = cv2.resize(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), size, interpolation=cv2.INTER_AREA)
+                grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+                pixels = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
             height, width = pixels.shape[:2]
             info_output = self._node.create_publisher(CameraInfo, f'{side}/camera_info', qos_profile_sensor_data)
             image_output = self._node.create_publisher(Image, f'{side}/image_rect', qos_profile_sensor_data)
