@@ -30,7 +30,6 @@ from .picture import draw_comparison
 
 START_PRESET, TUNED_PRESET = 'paper_start', 'paper'
 TUNED = ('alpha', 'sigma_s', 'sigma_c', 'w_p')  # what the paper's study optimises
-READY = 'ready: '  # the node's log says so when its kernels are compiled
 START_TIMEOUT = 30.0  # s
 COMPILE_TIMEOUT = 180.0  # s, on a slow machine
 FRAME_TIMEOUT = 20.0  # s
@@ -87,7 +86,7 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
         with display.stage('Starting disparity_node, a process of its own'):
             session.wait_for_node(START_TIMEOUT)
         with display.stage('Preparing its kernels (the first time: a minute)'):
-            session.wait_for(lambda: READY in node.output(), COMPILE_TIMEOUT, 'the node has been preparing its kernels')
+            session.wait_until_ready(COMPILE_TIMEOUT, 'the node has been preparing its kernels')
 
         with display.stage(f'Starting the camera: Motorcycle at {settings.rate:g} Hz'):
             camera = _started(stack, Child(

@@ -15,6 +15,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from stereo_msgs.msg import DisparityImage
 
+from ..node.diagnostics import READY, STATE
 from .children import RunError
 
 NODE_NAME = '/disparity_node'
@@ -66,6 +67,10 @@ class Session:
     def wait_for_node(self, timeout: float) -> None:
         """Until the node's parameter services are there."""
         self.wait_for(self._parameters.services_are_ready, timeout, f'{NODE_NAME} has no parameter services')
+
+    def wait_until_ready(self, timeout: float, complaint: str) -> None:
+        """Until the node tells in its diagnostics that its kernels are compiled; RunError as `wait_for`."""
+        self.wait_for(lambda: self.counts.get(STATE) == READY, timeout, complaint)
 
     def collect(self, count: int, after: int, timeout: float, progress: Callable[[int], None]) -> list[Frame]:
         """Receive until `count` frames have a stamp later than `after` (ns); `timeout` s is for each frame."""
