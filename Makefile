@@ -39,7 +39,7 @@ demo: $(READY)  ## the node at work on a real stereo pair; results in demo_outpu
 test: lint  ## lint, then all tests (ARGS='-k name' for some of them)
 	@"$(PYTHON)" -m pytest $(ARGS)
 
-lint: $(READY)  ## ruff, and mypy --strict on svdm_core
+lint: $(READY)  ## ruff, and mypy --strict
 	@"$(PYTHON)" -m ruff check .
 	@"$(PYTHON)" -m mypy
 

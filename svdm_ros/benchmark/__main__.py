@@ -35,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     outputs = [options.json] if options.json is not None else []
     try:
         check_outputs(outputs, options.force)
-        check_memory(*options.size, num_disparities=load_preset(options.preset).num_disparities)
+        width, height = options.size
+        check_memory(width, height, load_preset(options.preset).num_disparities)
         signals.end_in_order()  # from here on there are children to be ended first
         settings = {'size': list(options.size), 'preset': options.preset, 'rate': options.rate,
                     'seconds': options.seconds}

@@ -15,6 +15,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 from stereo_msgs.msg import DisparityImage
 
 from svdm_core.presets import preset_folder
@@ -24,7 +25,6 @@ from ..processes.children import Child, RunError, isolated_environment
 from ..processes.dds_profile import write_profile
 from ..processes.session import Session
 
-READY = 'ready: '  # the node's log says so when its kernels are there
 START_TIMEOUT, COMPILE_TIMEOUT = 30.0, 240.0  # s
 WARM_UP = 3.0  # s left out at the beginning
 _STAGE = 'total (ms)'
@@ -78,11 +78,11 @@ def measure(
                 child.check()
 
         try:
-            node = start('node', 'svdm_ros', '--ros-args', '--params-file', str(preset_folder() / f'{preset}.yaml'))
+            start('node', 'svdm_ros', '--ros-args', '--params-file', str(preset_folder() / f'{preset}.yaml'))
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
             listener = Listener(check_all)
             listener.wait_for_node(START_TIMEOUT)
-            listener.wait_for(lambda: READY in node.output(), COMPILE_TIMEOUT, 'the kernels were not ready')
+            listener.wait_until_ready(COMPILE_TIMEOUT, 'the kernels were not ready')
             camera = start('camera', 'svdm_ros.processes.camera', '--rate', str(rate), '--size', *map(str, size))
             listener.wait_for(lambda: bool(listener.times), START_TIMEOUT, 'no disparity image arrived')
             end = time.monotonic() + WARM_UP + seconds
@@ -92,7 +92,7 @@ def measure(
         finally:
             for child in reversed(children):
                 child.stop()
-            rclpy.try_shutdown()
+            try_shutdown()
 
 
 def figures(

@@ -108,9 +108,9 @@ class Rectifier:
         self._maps = cv2.initUndistortRectifyMap(
             camera.k, camera.d, camera.r, camera.p[:, :3], camera.size, cv2.CV_16SC2)
 
-    def __call__(self, image: NDArray[np.generic]) -> NDArray[np.generic]:
+    def __call__[Pixel: np.uint8 | np.uint16](self, image: NDArray[Pixel]) -> NDArray[Pixel]:
         """The rectified image, of the same shape and dtype; what the camera did not see is 0."""
-        return cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        return np.asarray(cv2.remap(image, *self._maps, cv2.INTER_LINEAR), image.dtype)
 
 
 def stereo_rectified(
@@ -127,5 +127,6 @@ def stereo_rectified(
     except cv2.error as error:
         raise ValueError('the cameras cannot be rectified, their matrices are no calibration '
                          f'({" ".join(str(error).split())})') from None
-    return StereoCalibration(CameraCalibration(size, k[0], d[0], r_left, p_left),
-                             CameraCalibration(size, k[1], d[1], r_right, p_right), source, is_rectified=False)
+    left, right = (CameraCalibration(size, k[side], d[side], np.asarray(r, np.float64), np.asarray(p, np.float64))
+                   for side, r, p in ((0, r_left, p_left), (1, r_right, p_right)))
+    return StereoCalibration(left, right, source, is_rectified=False)

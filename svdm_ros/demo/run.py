@@ -5,7 +5,7 @@ import contextlib
 import dataclasses
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import rclpy
 from numpy.typing import NDArray
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 
 from svdm_core import load_preset
 from svdm_core.presets import preset_folder
@@ -29,7 +30,6 @@ from .picture import draw_comparison
 
 START_PRESET, TUNED_PRESET = 'paper_start', 'paper'
 TUNED = ('alpha', 'sigma_s', 'sigma_c', 'w_p')  # what the paper's study optimises
-READY = 'ready: '  # the node's log says so when its kernels are compiled
 START_TIMEOUT = 30.0  # s
 COMPILE_TIMEOUT = 180.0  # s, on a slow machine
 FRAME_TIMEOUT = 20.0  # s
@@ -77,11 +77,16 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
             'node', folder / 'node.log', 'svdm_ros', '--ros-args',
             '--params-file', str(preset), '-p', f'num_disparities:={NUM_DISPARITIES}'))
         children = [node]
-        session = stack.enter_context(_session(lambda: [child.check() for child in children]))
+
+        def check() -> None:
+            for child in children:
+                child.check()
+
+        session = stack.enter_context(_session(check))
         with display.stage('Starting disparity_node, a process of its own'):
             session.wait_for_node(START_TIMEOUT)
         with display.stage('Preparing its kernels (the first time: a minute)'):
-            session.wait_for(lambda: READY in node.output(), COMPILE_TIMEOUT, 'the node has been preparing its kernels')
+            session.wait_until_ready(COMPILE_TIMEOUT, 'the node has been preparing its kernels')
 
         with display.stage(f'Starting the camera: Motorcycle at {settings.rate:g} Hz'):
             camera = _started(stack, Child(
@@ -145,10 +150,10 @@ def _started(stack: contextlib.ExitStack, child: Child) -> Child:
 
 
 @contextlib.contextmanager
-def _session(check: Any) -> Iterator[Session]:
+def _session(check: Callable[[], None]) -> Iterator[Session]:
     # Ctrl-C stays Python's, so that it ends this function and with it the children.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield Session(check)
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()

@@ -43,4 +43,5 @@ def speckles(disparity: NDArray[np.float32], known: NDArray[np.bool_], size: int
     """bool (H, W): where connected known pixels, each within 1 px of its neighbour, are `size` or fewer."""
     sixteenths = np.where(known, np.rint(_SUBPIXEL * disparity), _UNKNOWN).astype(np.int16)
     left, _ = cv2.filterSpeckles(sixteenths, float(_UNKNOWN), size, _SUBPIXEL * _SPECKLE_STEP)
-    return known & (np.asarray(left) == _UNKNOWN)
+    found: NDArray[np.bool_] = known & (np.asarray(left) == _UNKNOWN)
+    return found

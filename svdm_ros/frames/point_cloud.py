@@ -39,7 +39,7 @@ def point_cloud(frame: MatchedFrame, types: MessageTypes) -> Any:
 def _packed(left: NDArray[Any]) -> NDArray[np.float32]:
     """float32 (H, W): the grey levels, or the bytes blue, green, red, 0."""
     if left.ndim == 2:
-        return left.astype(np.float32)
+        return np.asarray(left, np.float32)
     colours = np.asarray(cv2.cvtColor(left if left.dtype == np.uint8 else (left >> 8).astype(np.uint8),
                                       cv2.COLOR_BGR2BGRA)).view('<u4')[..., 0]
     return np.bitwise_and(colours, 0xFFFFFF, dtype=np.uint32).view(np.float32)

@@ -10,18 +10,26 @@ if TYPE_CHECKING:
 
     from .frame_statistics import FrameCounts
 
+_IDLE = 'idle: nobody subscribes to an output'
+
+STATE, COMPILING, READY = 'state', 'compiling', 'ready'
+
 
 def diagnostic_array(
-    name: str, stamp: Time, counts: FrameCounts, rate: float, ready: bool, trouble: str = ''
+    name: str, stamp: Time, counts: FrameCounts, rate: float, ready: bool, trouble: str = '',
+    idle: bool = False,
 ) -> DiagnosticArray:
-    """One status: OK, or WARN with `trouble`; values are totals, Hz and ms.
+    """One status: OK, or WARN with `trouble`; values are totals, Hz and ms, and the `state`: COMPILING or READY.
 
+    The state is for whoever waits for the node: what the message tells is for people, and a trouble comes first in it.
+    idle: no images are taken, as nobody listens.
     Latency is from arrival to publication; the stages are means over the frames since the last diagnostics.
     """
     status = DiagnosticStatus(name=name, hardware_id='')
     status.level = DiagnosticStatus.WARN if trouble or not ready else DiagnosticStatus.OK
-    status.message = trouble or (f'{rate:.1f} Hz' if ready else 'compiling')
+    status.message = trouble or (COMPILING if not ready else _IDLE if idle else f'{rate:.1f} Hz')
     values = {
+        STATE: READY if ready else COMPILING,
         'left images': str(counts.received['left']),
         'right images': str(counts.received['right']),
         'pairs': str(counts.pairs),

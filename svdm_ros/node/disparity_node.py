@@ -4,11 +4,11 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
@@ -63,7 +63,7 @@ class DisparityNode(Node):
         # Noted before rclpy declares the rest of them, with each topic.
         self._overrides_given = [name for name in overrides if self.has_parameter(name)]
 
-        self._image_subscriptions: list[Subscription[Image]] = []
+        self._image_subscriptions: list[Subscription] = []
         self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
         self._watchdog = self._new_watchdog()
         self._outputs = OutputPublishers(self, lambda topic: naming_overrides(topic, self._overrides_given),
@@ -76,7 +76,7 @@ class DisparityNode(Node):
         )
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
         for side in _SIDES:
-            self._subscribe(CameraInfo, f'{side}/camera_info', lambda info, side=side: self._take_info(side, info))
+            self._subscribe(CameraInfo, side, 'camera_info', self._take_info)
         self._subscribe_to_images()  # so that a setting that does not fit is told at the start
         self._heed_listeners()
         self._rate = Rate(time.monotonic())
@@ -111,8 +111,7 @@ class DisparityNode(Node):
     def _subscribe_to_images(self) -> None:
         self._watchdog = self._new_watchdog()
         self._image_subscriptions = [
-            self._subscribe(Image, f'{side}/image_rect', lambda image, side=side: self._take_image(side, image))
-            for side in _SIDES]
+            self._subscribe(Image, side, 'image_rect', self._take_image) for side in _SIDES]
 
     def _heed_listeners(self) -> None:
         """Take images while somebody listens, and none while nobody does."""
@@ -125,12 +124,15 @@ class DisparityNode(Node):
             self._image_subscriptions = []
 
     def _subscribe[Message](
-        self, message_type: type[Message], name: str, callback: Callable[[Message], None]
-    ) -> Subscription[Message]:
-        topic = self.resolve_topic_name(name)
+        self, message_type: type[Message], side: SideName, name: str, take: Callable[[SideName, Message], None]
+    ) -> Subscription:
+        def receive(message: Message) -> None:
+            take(side, message)
+
+        topic = self.resolve_topic_name(f'{side}/{name}')
         with naming_overrides(topic, self._overrides_given):
             return self.create_subscription(
-                message_type, name, callback, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+                message_type, f'{side}/{name}', receive, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
             )
@@ -181,7 +183,7 @@ class DisparityNode(Node):
         since, trouble = self._trouble
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
-            trouble if time.monotonic() - since < _TROUBLE_LASTS else '',
+            trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
         ))
 
     # The worker's thread
@@ -233,7 +235,7 @@ class DisparityNode(Node):
         if text is not None:
             self.get_logger().info(text)
 
-    def _report_incompatible(self, topic: str, entity: Entity, event: Any) -> None:
+    def _report_incompatible(self, topic: str, entity: Entity, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         line = Line(f'qos {topic} {policy}', incompatible_line(topic, entity, policy))
         text = self._throttle.admit(line, time.monotonic())

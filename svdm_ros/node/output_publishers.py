@@ -1,6 +1,7 @@
 """The node's publishers: one for each output, and which of them somebody listens to."""
 from __future__ import annotations
 
+import functools
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
@@ -27,11 +28,11 @@ class OutputPublishers:
 
         Raises ValueError where a topic cannot be opened.
         """
-        self._publishers: list[tuple[Output, Publisher[Any]]] = []
+        self._publishers: list[tuple[Output, Publisher]] = []
         for output in OUTPUTS:
             topic = node.resolve_topic_name(output.topic)
             events = PublisherEventCallbacks(
-                incompatible_qos=lambda event, topic=topic: on_incompatible(topic, 'publisher', event),
+                incompatible_qos=functools.partial(on_incompatible, topic, 'publisher'),
                 matched=lambda _: on_listeners())
             with opening(topic):
                 publisher = node.create_publisher(
@@ -39,7 +40,7 @@ class OutputPublishers:
                     event_callbacks=events)
             self._publishers.append((output, publisher))
 
-    def wanted(self) -> Iterator[tuple[Output, Publisher[Any]]]:
+    def wanted(self) -> Iterator[tuple[Output, Publisher]]:
         """The outputs that somebody listens to."""
         return ((output, publisher) for output, publisher in self._publishers if publisher.get_subscription_count())
 

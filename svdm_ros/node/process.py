@@ -8,7 +8,8 @@ import traceback
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.utilities import remove_ros_args
+from rclpy.logging import get_logger
+from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
 from svdm_core.runtime import configure
 
@@ -44,7 +45,7 @@ def _run_node(signals: EndSignals) -> int:
         _spin(node)
     except Exception as error:
         # A signal shuts the context down under whatever runs, which then raises; that is no error.
-        if rclpy.ok() and not signals.received:
+        if ok() and not signals.received:
             if node is not None or not isinstance(error, _WRONG_SETTINGS):
                 raise
             code = _refuse_to_start(error)
@@ -52,7 +53,7 @@ def _run_node(signals: EndSignals) -> int:
         signals.ignore()
         if node is not None:
             idle = node.close()
-        rclpy.try_shutdown()
+        try_shutdown()
     if not idle:
         # A thread inside a kernel or the compiler crashes when the interpreter is taken down under it.
         sys.stdout.flush()
@@ -88,5 +89,5 @@ def _is_ours(error: Exception) -> bool:
 
 
 def _refuse_to_start(error: Exception) -> int:
-    rclpy.logging.get_logger('disparity_node').fatal(f'not started: {error}')
+    get_logger('disparity_node').fatal(f'not started: {error}')
     return 2

@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
@@ -48,27 +47,32 @@ def camera_info_message(side: str, height: int, width: int) -> CameraInfo:
     return info
 
 
-class Camera(Node):
-    """Publishes left and right, image and camera_info."""
+class Camera:
+    """Publishes left and right, image and camera_info; rclpy must be up."""
 
     def __init__(self, size: tuple[int, int] | None = None) -> None:
         """size: width and height in px, of grey images; None for the colour images as they are."""
-        super().__init__('demo_camera')
+        self._node = rclpy.create_node('demo_camera')
         scene = load_scene()
         self._infos: list[tuple[Publisher, CameraInfo]] = []
         self._images: list[tuple[Publisher, Image]] = []
         for side, pixels in (('left', scene.left), ('right', scene.right)):
             if size is not None:
-                pixels = cv2.resize(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), size, interpolation=cv2.INTER_AREA)
+                grey = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
+                pixels = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
             height, width = pixels.shape[:2]
-            info_output = self.create_publisher(CameraInfo, f'{side}/camera_info', qos_profile_sensor_data)
-            image_output = self.create_publisher(Image, f'{side}/image_rect', qos_profile_sensor_data)
+            info_output = self._node.create_publisher(CameraInfo, f'{side}/camera_info', qos_profile_sensor_data)
+            image_output = self._node.create_publisher(Image, f'{side}/image_rect', qos_profile_sensor_data)
             self._infos.append((info_output, camera_info_message(side, height, width)))
             self._images.append((image_output, image_message(pixels)))
 
     def has_listeners(self) -> bool:
         """Whether every topic has a subscriber."""
         return all(publisher.get_subscription_count() > 0 for publisher, _ in (*self._infos, *self._images))
+
+    def wait(self, seconds: float) -> None:
+        """Answer whatever comes first, for so long at most."""
+        rclpy.spin_once(self._node, timeout_sec=seconds)
 
     def send(self, *, images: bool) -> int:
         """Publish the calibration, with the pair if wanted; returns the stamp in ns, the wall clock at the call."""
@@ -88,7 +92,7 @@ def run(camera: Camera, rate: float, stop: threading.Event) -> None:
     parent = os.getppid()
     due, images_from = time.monotonic(), math.inf
     while not stop.is_set() and os.getppid() == parent:
-        rclpy.spin_once(camera, timeout_sec=max(0.0, due - time.monotonic()))
+        camera.wait(max(0.0, due - time.monotonic()))
         now = time.monotonic()
         if now < due:
             continue
@@ -98,7 +102,7 @@ def run(camera: Camera, rate: float, stop: threading.Event) -> None:
         stamp = camera.send(images=now >= images_from)
         if now >= images_from:
             print(f'{SENT}{stamp}', flush=True)
-    rclpy.spin_once(camera, timeout_sec=LINGER)
+    camera.wait(LINGER)
 
 
 def main() -> None:

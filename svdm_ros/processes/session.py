@@ -1,4 +1,4 @@
-"""A node of demo and benchmark: receives disparity, reads the counts of disparity_node and sets its parameters."""
+"""What listens to disparity_node, for demo and benchmark: receives disparity, reads the counts, sets parameters."""
 from __future__ import annotations
 
 import dataclasses
@@ -6,15 +6,16 @@ import time
 from collections.abc import Callable, Mapping
 
 import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import QoSProfile
 from stereo_msgs.msg import DisparityImage
 
+from ..node.diagnostics import READY, STATE
 from .children import RunError
 
 NODE_NAME = '/disparity_node'
@@ -37,22 +38,22 @@ class Frame:
         return (self.received - self.stamp) / 1e6
 
 
-class Session(Node):
-    """Collects `frames` and the node's `counts` while one of its waiting methods runs.
+class Session:
+    """Collects `frames` and the node's `counts` while one of its waiting methods runs; rclpy must be up.
 
     `check` is called all the while and raises RunError when there is no point in waiting on.
     """
 
     def __init__(self, check: Callable[[], None]) -> None:
-        super().__init__('demo_session')
         self.frames: list[Frame] = []
         self.counts: dict[str, str] = {}
         self._check = check
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self)
-        self._parameters = AsyncParameterClient(self, NODE_NAME)
-        self.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
-        self.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
+        self._node = rclpy.create_node('demo_session')
+        self._executor.add_node(self._node)
+        self._parameters = AsyncParameterClient(self._node, NODE_NAME)
+        self._node.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
 
     def wait_for(self, done: Callable[[], bool], timeout: float, complaint: str) -> None:
         """Receive until `done()`; RunError with `complaint` after `timeout` s."""
@@ -66,6 +67,10 @@ class Session(Node):
     def wait_for_node(self, timeout: float) -> None:
         """Until the node's parameter services are there."""
         self.wait_for(self._parameters.services_are_ready, timeout, f'{NODE_NAME} has no parameter services')
+
+    def wait_until_ready(self, timeout: float, complaint: str) -> None:
+        """Until the node tells in its diagnostics that its kernels are compiled; RunError as `wait_for`."""
+        self.wait_for(lambda: self.counts.get(STATE) == READY, timeout, complaint)
 
     def collect(self, count: int, after: int, timeout: float, progress: Callable[[int], None]) -> list[Frame]:
         """Receive until `count` frames have a stamp later than `after` (ns); `timeout` s is for each frame."""

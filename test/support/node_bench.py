@@ -93,16 +93,13 @@ class NodeProcess:
         return self._process.poll() is None
 
     def wait_for_log(self, text, limit=LIMIT):
-        """The first line with `text`; the first compilation of all kernels may take its time."""
+        """The first line with `text`."""
         end = time.monotonic() + limit
         while text not in self.log:
             assert self.running, f'the node ended with {self._process.returncode}: {self.log}'
             assert time.monotonic() < end, f'{text!r} not in the log within {limit} s: {self.log}'
             time.sleep(0.01)
         return next(line for line in self.log.splitlines() if text in line)
-
-    def wait_until_ready(self):
-        self.wait_for_log('ready:', limit=100.0)
 
     def wait_until_it_handles_signals(self, limit=LIMIT):
         """Wait until SIGTERM no longer ends it on the spot, as at the start of every process."""
@@ -184,6 +181,18 @@ class Client:
         while (left := end - time.monotonic()) > 0:
             self._executor.spin_once(timeout_sec=left)
 
+    def wait_until_ready(self, node):
+        """Wait until the node tells that it is ready; the first compilation of all kernels may take its time."""
+        def ready():
+            assert node.running, f'the node ended: {node.log}'
+            return self.hears_of_a_ready_node()
+
+        self.spin_until(ready, 'the node is ready', limit=100.0)
+
+    def hears_of_a_ready_node(self):
+        """Whether a node has told so in its diagnostics."""
+        return any(counts['state'] == 'ready' for counts in self.diagnostics)
+
     def wait_for_node(self):
         """Wait until the cameras and the node have found each other, and a first pair has been answered."""
         self.exchange_until(*map(image_message, random_dots(8, 6, 1)), lambda message: True, 'a first disparity')
@@ -205,7 +214,7 @@ class Client:
         """The numbers of the diagnostics to come next."""
         del self.diagnostics[:]
         self.spin_until(lambda: self.diagnostics, 'diagnostics')
-        return {name: float(value) for name, value in self.diagnostics[-1].items()}
+        return {name: float(value) for name, value in self.diagnostics[-1].items() if name != 'state'}
 
     def publishers_of(self, topic):
         return self._node.count_publishers(topic)
@@ -301,7 +310,7 @@ def running_node(folder, *ros_arguments, disparity_qos=10, image_qos=10, **envir
     node = NodeProcess(domain, folder / 'node.log', *ros_arguments, **environment)
     client = Client(domain, disparity_qos, image_qos)
     try:
-        node.wait_until_ready()
+        client.wait_until_ready(node)
         yield node, client
     finally:
         client.close()

@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +16,7 @@ from xml.etree import ElementTree
 import pytest
 from catkin_pkg.package import parse_package
 from checkout import CHECKOUT
+from node_bench import Client
 
 VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
 ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
@@ -246,14 +246,14 @@ def test_installed_node_runs_until_interrupted(prefix, installed_environment, tm
             [sys.executable, str(prefix / 'lib/svdm_ros/disparity_node'), '--ros-args',
              '--params-file', str(prefix / 'share/svdm_ros/config/default.yaml')],
             cwd=tmp_path, env=installed_environment, stdout=output, stderr=subprocess.STDOUT)
+    client = Client(int(installed_environment['ROS_DOMAIN_ID']))
     try:
-        end = time.monotonic() + 100
-        while 'ready: ' not in log.read_text():
-            assert node.poll() is None and time.monotonic() < end, log.read_text()
-            time.sleep(0.1)
+        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=100)
+        assert node.poll() is None, log.read_text()
         node.send_signal(signal.SIGINT)
         assert node.wait(10) == 0, log.read_text()
     finally:
+        client.close()
         node.kill()
     assert 'unknown parameter' not in log.read_text()
 

@@ -23,7 +23,7 @@ def cluster(scheduler: str) -> Iterator[distributed.Client]:
 
     Raises ValueError where no scheduler answers.
     """
-    security = distributed.Security()  # type: ignore[no-untyped-call]
+    security = distributed.Security()
     try:
         has_certificate = bool(security.get_connection_args('client').get('ssl_context'))
         if scheduler.startswith('tls:') and not has_certificate:
@@ -44,7 +44,7 @@ def process_all(
 
     at_a_time: at most so many, never more than there are workers. `teller(name)` makes what is told of the progress.
     """
-    workers = list(client.nthreads())  # type: ignore[no-untyped-call]
+    workers = list(client.nthreads())
     if not workers:
         raise ValueError('the Dask cluster has no workers: start some with `dask worker`')
     free = deque(workers[:at_a_time])

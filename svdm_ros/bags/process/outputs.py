@@ -48,6 +48,7 @@ class Outputs:
         if self.calibrated:
             for name, info, image in zip(self._info_names, (pair.left_info, pair.right_info), (pair.left, pair.right),
                                          strict=True):
+                assert info is not None  # it is the calibration's
                 stamped = dataclasses.replace(info, header=image.message.header)
                 yield name, ROS2.serialize_cdr(stamped, CAMERA_INFO)
 

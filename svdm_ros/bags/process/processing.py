@@ -226,7 +226,9 @@ def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
 
 
 def _matrices(calibration: StereoCalibration | None) -> list[list[float]] | None:
-    return calibration and [camera.p.ravel().tolist() for camera in (calibration.left, calibration.right)]
+    if calibration is None:
+        return None
+    return [camera.p.ravel().tolist() for camera in (calibration.left, calibration.right)]
 
 
 def _as_dict(parameters: NodeParameters) -> dict[str, Any]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 import contextlib
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 
 _END = object()
 _LOOK_S = 0.1
 """How often a thread that waits looks whether it is still wanted."""
 
 
-def read_ahead[Item](items: Iterable[Item], size: int) -> Iterator[Item]:
+def read_ahead[Item](items: Iterable[Item], size: int) -> Generator[Item, None, None]:
     """The items, up to `size` of them fetched in advance by a thread of its own; what it raises is raised here.
 
     Closing the iterator ends the thread.

@@ -78,7 +78,8 @@ class PairStream:
 
     def __iter__(self) -> Iterator[RecordedPair | RecordedMessage]:
         topics = self._topics
-        wanted = {topics.left, topics.right, *topics.infos} | ({topics.ground_truth} - {None}) | self._copied
+        truths = {topics.ground_truth} if topics.ground_truth else set()
+        wanted = {topics.left, topics.right, *topics.infos} | truths | self._copied
         sides: dict[str, SideName] = {topics.left: 'left', topics.right: 'right'}
         for message in self._recording.messages(wanted, *self._range):
             yield from self._released(message.time_ns)

@@ -46,8 +46,7 @@ def find_stereo_topics(topics: Mapping[str, Topic], left: str | None = None, rig
         pair = _named(images, left, right)
     else:
         pair = _only_one(images, [topics[name] for name in sorted(images)])
-    infos = [_info(topics, name) for name in pair]
-    return StereoTopics(*pair, *infos, _ground_truth(topics))
+    return StereoTopics(*pair, _info(topics, pair[0]), _info(topics, pair[1]), _ground_truth(topics))
 
 
 def _named(images: set[str], left: str | None, right: str | None) -> tuple[str, str]:

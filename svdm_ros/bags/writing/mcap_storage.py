@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import struct
+from collections import defaultdict
 from io import BytesIO
 from pathlib import Path
 
@@ -60,7 +61,7 @@ class ChunkWriter(McapWriter):
             for entry in messages:
                 self.bio.write(struct.pack('<QQ', *entry))
         self._note_chunk(times, (start, end - start), offsets, self.bio.tell() - end, size)
-        self.chunk = type(chunk)(2**63 - 1, 0, BytesIO(), type(chunk.msgs)(list))
+        self.chunk = type(chunk)(2**63 - 1, 0, BytesIO(), defaultdict(list))
         self._parts, self._size = [], 0
 
     def close(self, version: int, metadata: str) -> None:

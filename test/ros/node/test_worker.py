@@ -133,8 +133,11 @@ def test_diagnostics_tell_counts_rate_latency_and_trouble():
     values = {pair.key: pair.value for pair in status.values}
     assert (message.header.stamp, status.name, status.level, status.message) == (
         stamp, '/node', DiagnosticStatus.OK, '9.5 Hz')
+    assert values['state'] == 'ready'
     assert (values['published'], values['dropped: unreadable'], values['total (ms)']) == ('100', '1', '20.0')
     assert (values['latency p50 (ms)'], values['latency p95 (ms)']) == ('51.0', '96.0')
     troubled = diagnostic_array('/node', stamp, counts, 0.0, ready=True, trouble='no images').status[0]
     assert (troubled.level, troubled.message) == (DiagnosticStatus.WARN, 'no images')
+    (compiling,) = diagnostic_array('/node', stamp, counts, 0.0, ready=False, trouble='no images').status
+    assert next(pair.value for pair in compiling.values if pair.key == 'state') == 'compiling'
     assert diagnostic_array('/node', stamp, counts, 0.0, ready=False).status[0].message == 'compiling'

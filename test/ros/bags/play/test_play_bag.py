@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import rclpy
 from checkout import CHECKOUT
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from node_bench import NodeProcess, camera_info, fresh_domain, image_message, random_dots
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -305,13 +306,20 @@ def test_a_ros1_bag_is_played_as_ros2(tmp_path):
 # The live node
 
 
+def wait_until_ready(listener):
+    told = []
+    listener.node.create_subscription(DiagnosticArray, '/diagnostics', told.append, 10)
+    ready = KeyValue(key='state', value='ready')
+    listener.spin_while(lambda: not any(ready in message.status[0].values for message in told), limit=100.0)
+
+
 def test_every_pair_of_each_pass_comes_out_of_the_live_node(stereo_bag, tmp_path):
     with listening() as listener:
         node = NodeProcess(_domain[0], tmp_path / 'node.log', '-p', 'num_disparities:=16',
                            FASTRTPS_DEFAULT_PROFILES_FILE=str(CHECKOUT / 'config' / 'fastdds.xml'))
         try:
             listener.listen('disparity', DisparityImage, RELIABLE, raw=False)
-            node.wait_until_ready()
+            wait_until_ready(listener)
             listener.spin_while(lambda: listener.node.count_publishers('disparity') == 0)
             code, out, error = play_to(listener, stereo_bag, '--loop', '3', '--rate', '0.3', '--wait-for-subscribers')
             assert (code, error) == (0, '')
