@@ -42,7 +42,8 @@ def _packed(left: NDArray[Any]) -> NDArray[np.float32]:
         return np.asarray(left, np.float32)
     colours = np.asarray(cv2.cvtColor(left if left.dtype == np.uint8 else (left >> 8).astype(np.uint8),
                                       cv2.COLOR_BGR2BGRA)).view('<u4')[..., 0]
-    return np.bitwise_and(colours, 0xFFFFFF, dtype=np.uint32).view(np.float32)
+    bytes_: NDArray[np.float32] = np.bitwise_and(colours, 0xFFFFFF, dtype=np.uint32).view(np.float32)
+    return bytes_
 
 
 def _positions(depth: NDArray[np.float32], frame: MatchedFrame, stride: int) -> Iterator[NDArray[np.float32]]:

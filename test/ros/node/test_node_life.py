@@ -238,6 +238,7 @@ def test_the_newest_pair_wins_when_the_node_is_too_slow(tmp_path):
         pair = dots(**LARGE)
         for _ in range(12):
             last = client.publish_pair(*pair)
+            client.spin_for(0.02)
         client.spin_until(lambda: client.received[-1].header.stamp.sec == last, 'the newest pair')
         client.spin_until(
             lambda: any(int(counts.get('dropped: superseded', 0)) > 0 for counts in client.diagnostics), 'the drops')
