@@ -1,0 +1,1 @@
+"""A pair of messages to results, in any message library."""
