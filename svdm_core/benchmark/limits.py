@@ -4,7 +4,7 @@ from __future__ import annotations
 from pathlib import Path
 
 _STEP = 16  # OpenCV rounds disparities up to a multiple of it, and StereoBM takes no image smaller than its block of 15
-_VOLUME_BYTES = 8  # a pixel and disparity: two volumes of 16 bits for each view, the most that a contender takes
+_VOLUME_BYTES = 4  # a pixel and disparity: two volumes of 16 bits, of SGBM HH, the most that a contender takes
 _PIXEL_BYTES = 200  # planes, trees, and what else does not depend on the disparities
 
 

@@ -55,8 +55,9 @@ class _Generator:
         _, counter, end, arenas, arguments = values
         _, self._counter_type, _, self._arenas_type, self._arguments_type = signature.args
         workers = builder.extract_value(make_array(self._arenas_type)(context, builder, arenas).shape, 0)
+        lent = _lent(context, builder, self._arguments_type, arguments)
         shared = cgutils.alloca_once_value(
-            builder, cgutils.pack_struct(builder, [counter, end, arenas, arguments, _INT64(0)]))
+            builder, cgutils.pack_struct(builder, [counter, end, arenas, lent, _INT64(0)]))
         loop = self._loop(context, builder.module, shared.type)
         firsts = _pair(builder, _BYTES(None), builder.bitcast(shared, _BYTES))
         steps = _pair(builder, _INT64(1), _INT64(0))
@@ -113,6 +114,20 @@ class _Generator:
         status, _ = context.call_internal_no_propagate(builder, compiled.fndesc, self._own, values)
         with cgutils.if_unlikely(builder, status.is_error):
             builder.store(_INT64(1), cgutils.gep_inbounds(builder, shared, 0, 4))
+
+
+def _lent(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """A value whose arrays do not count references, which threads would do on one and the same place in memory."""
+    if isinstance(kind, types.Array):
+        array = make_array(kind)(context, builder, value)
+        array.meminfo, array.parent = _BYTES(None), _BYTES(None)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        members: Any = kind
+        for number, member in enumerate(members):
+            lent = _lent(context, builder, member, builder.extract_value(value, number))
+            value = builder.insert_value(value, lent, number)
+    return value
 
 
 def _pair(builder: Any, first: Any, second: Any) -> Any:

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 import collections
+import sys
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from ...frames.compressed import decode
 from ...frames.frame_processing import FrameError
 from ...frames.messages import MessageTypes
 from .stereo_topics import COMPRESSED
@@ -54,26 +55,13 @@ def as_image(message: Any, message_type: str, side: str) -> Any:
     if message_type != COMPRESSED:
         return message
     try:
-        pixels = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # of an empty one
-        pixels = None
-    if pixels is None:
-        raise FrameError('unreadable', f'{side} image dropped: its {len(message.data)} bytes of format '
-                                       f'{message.format!r} are no image that OpenCV reads: PNG and JPEG are')
+        pixels, encoding = decode(message)
+    except ValueError as error:
+        raise FrameError('unreadable', f'{side} image dropped: {error}') from error
     height, width = pixels.shape[:2]
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
-    return TYPES.image(header=message.header, height=height, width=width, encoding=_encoding(pixels, message.format),
-                       is_bigendian=0, step=data.size // height, data=data)
-
-
-def _encoding(pixels: NDArray[Any], stored_format: str) -> str:
-    """How OpenCV decodes; a mosaic is grey to it, and only the format 'bayer_rggb8; png compressed ...' tells."""
-    original = stored_format.partition(';')[0].strip()
-    if pixels.ndim == 2 and original.startswith('bayer_') and pixels.dtype == np.uint8:
-        return original
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    names = {(1, 1): 'mono8', (1, 2): 'mono16', (3, 1): 'bgr8', (4, 1): 'bgra8'}
-    return names.get((channels, pixels.itemsize), f'{pixels.dtype}, {channels} channels')
+    return TYPES.image(header=message.header, height=height, width=width, encoding=encoding,
+                       is_bigendian=int(sys.byteorder == 'big'), step=data.size // height, data=data)
 
 
 class ByStamp[Message]:

@@ -54,8 +54,8 @@ def without(*topics):
     (without(LEFT, RIGHT), f'bag: no images in it: it holds {LEFT_INFO}'),
     (without(RIGHT), f'bag: only one side: images on {LEFT} but none on {RIGHT}'),
     ([], 'bag: no images in it: it is empty'),
-    ([(topic, time_ns, image(np.zeros((4, 8), np.float32), BEGIN, '32FC1')) for topic, time_ns, _ in without(
-        LEFT_INFO, RIGHT_INFO)[:2]], "none of 1 pairs could be matched .*encoding '32FC1' is not supported"),
+    ([(topic, time_ns, image(np.zeros((4, 8), np.float64), BEGIN, '64FC1')) for topic, time_ns, _ in without(
+        LEFT_INFO, RIGHT_INFO)[:2]], "none of 1 pairs could be matched .*encoding '64FC1' is not supported"),
     ([(f'{topic}/compressed', time_ns, ROS2.types['sensor_msgs/msg/CompressedImage'](
         recordings.header(BEGIN), 'h264', np.arange(99, dtype=np.uint8))) for topic, time_ns, _ in without(
         LEFT_INFO, RIGHT_INFO)[:2]], "none of 1 pairs could be matched .*format 'h264'"),
