@@ -2,6 +2,7 @@
 import importlib.util
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -318,3 +319,27 @@ def test_foxglove_layout_shows_topics_of_the_node_in_panels_that_foxglove_has():
     topics |= {topic for shown in _values(panels, 'topics') for topic in shown}
     assert '/points2' in topics
     assert {topic.lstrip('/') for topic in topics} <= OUTPUTS
+
+
+# The pages
+
+
+@pytest.mark.parametrize('page', ['README.md', 'docs/node.md', 'docs/cameras.md'])
+def test_launch_commands_in_the_pages_give_arguments_that_exist(launching, page):
+    text = (CHECKOUT / page).read_text().replace('\\\n', ' ')
+    commands = re.findall(r'ros2 launch svdm_ros (\w+)\.launch\.py(.*)', text)
+    assert commands
+    common = {**launching.CAMERA_ARGUMENTS, **launching.NODE_ARGUMENTS}
+    known = {'disparity': common, 'stereo': {**common, **launching.RVIZ_ARGUMENTS},
+             'two_cameras': {**launching.NODE_ARGUMENTS, 'cameras': ''}}
+    for file, rest in commands:
+        assert {name for name in re.findall(r'(\w+):=', rest)} <= known[file].keys(), (file, rest)
+
+
+def test_links_of_the_pages_lead_to_headings_that_exist():
+    for page in ('node.md', 'cameras.md'):
+        text = (CHECKOUT / 'docs' / page).read_text()
+        for target, heading in re.findall(r'\]\(([^)#:]*)#([^)]+)\)', text):
+            other = (CHECKOUT / 'docs' / (target or page)).read_text()
+            titles = [title.lower() for title in re.findall(r'^#+ (.+)$', other, re.MULTILINE)]
+            assert heading in {re.sub(r'[^a-z0-9 _-]', '', title).replace(' ', '-') for title in titles}, heading
