@@ -58,7 +58,7 @@ class Launched:
             **os.environ, 'PYTHONPATH': os.pathsep.join([str(site_packages), os.environ.get('PYTHONPATH', '')]),
             'AMENT_PREFIX_PATH': os.pathsep.join([str(prefix), os.environ.get('AMENT_PREFIX_PATH', '')]),
             'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']]),
-            'ROS_LOG_DIR': str(folder), 'ROS_DOMAIN_ID': str(DOMAIN)}
+            'ROS_LOG_DIR': str(folder), 'TMPDIR': str(folder), 'ROS_DOMAIN_ID': str(DOMAIN)}
         self._log = folder / 'launch.log'
         with self._log.open('w') as log:
             self.process = subprocess.Popen(
