@@ -1,14 +1,12 @@
 """The package as others get it: built by colcon, and cloned onto a machine that has nothing yet."""
 import ast
 import contextlib
-import importlib.util
 import os
 import re
 import shutil
 import signal
 import subprocess
 import sys
-import types
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -22,7 +20,6 @@ VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
 ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
 PRESETS = ('accurate.yaml', 'default.yaml', 'fast.yaml', 'paper.yaml', 'paper_start.yaml')
 TEMPLATES = ('evaluation/templates/evaluation.html.jinja', 'tuning/templates/tuning.html.jinja')
-NODE_TOPICS = {f'{side}/{topic}' for side in ('left', 'right') for topic in ('image_rect', 'camera_info')}
 
 
 def _copy_checkout(target: Path) -> Path:
@@ -89,79 +86,6 @@ def test_every_direct_requirement_is_pinned():
     assert {name.lower() for name in wanted} <= set(pinned)
 
 
-# The launch file; where launch is not installed, stand-ins record what it is called with
-
-
-class _Recorded:
-    def __init__(self, *args, **kwargs):
-        self.args, self.kwargs = args, kwargs
-
-
-class _LaunchConfiguration(_Recorded):
-    def perform(self, context):
-        return context[self.args[0]]
-
-
-@pytest.fixture
-def launch_file(monkeypatch):
-    names = {
-        'launch': ('LaunchContext', 'LaunchDescription'),
-        'launch.actions': ('DeclareLaunchArgument', 'OpaqueFunction', 'SetEnvironmentVariable'),
-        'launch.substitutions': ('EnvironmentVariable', 'PathJoinSubstitution'),
-        'launch_ros': (),
-        'launch_ros.actions': ('Node',),
-        'launch_ros.substitutions': ('FindPackageShare',),
-    }
-    for module_name, classes in names.items():
-        module = types.ModuleType(module_name)
-        for name in classes:
-            setattr(module, name, type(name, (_Recorded,), {}))
-        monkeypatch.setitem(sys.modules, module_name, module)
-    sys.modules['launch.substitutions'].LaunchConfiguration = _LaunchConfiguration
-    spec = importlib.util.spec_from_file_location('disparity_launch', CHECKOUT / 'launch' / 'disparity.launch.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def _launched(launch_file, **arguments):
-    """What the one node is started with, given `arguments` and the defaults of the others."""
-    [actions] = launch_file.generate_launch_description().args
-    declared = {action.args[0]: action.kwargs['default_value'] for action in _of_type(actions, 'DeclareLaunchArgument')}
-    assert arguments.keys() <= declared.keys()
-    [opaque] = _of_type(actions, 'OpaqueFunction')
-    [node] = opaque.kwargs['function']({**declared, **arguments})
-    return node.kwargs
-
-
-def _of_type(actions, name):
-    return [action for action in actions if type(action).__name__ == name]
-
-
-def test_launch_starts_the_node_on_the_camera_of_the_arguments(launch_file):
-    node = _launched(launch_file, left_namespace='/cam/l', right_namespace='/cam/r', params_file='mine.yaml')
-    assert (node['package'], node['executable']) == ('svdm_ros', 'disparity_node')
-    assert node['parameters'] == ['mine.yaml']
-    remappings = dict(node['remappings'])
-    assert set(remappings) == NODE_TOPICS
-    assert remappings['right/camera_info'] == '/cam/r/camera_info'
-
-
-def test_launch_overrides_the_parameter_file_only_where_told_to(launch_file):
-    node = _launched(launch_file, params_file='mine.yaml', approximate_sync_tolerance='0.02', use_sim_time='True')
-    assert node['parameters'] == ['mine.yaml', {'use_sim_time': True, 'approximate_sync_tolerance': 0.02}]
-    assert _launched(launch_file, use_sim_time='false')['parameters'][1:] == [{'use_sim_time': False}]
-
-
-def test_launch_keeps_a_fast_dds_profile_that_is_set(launch_file):
-    [actions] = launch_file.generate_launch_description().args
-    [setting] = _of_type(actions, 'SetEnvironmentVariable')
-    name, value = setting.args
-    assert name == 'FASTRTPS_DEFAULT_PROFILES_FILE'
-    assert value.args == (name,)
-    assert value.kwargs['default_value'].args[0][-1] == 'fastdds.xml'
-
-
 # colcon build, as ROS users do it
 
 
@@ -182,9 +106,9 @@ def prefix(tmp_path_factory) -> Path:
     *(f'lib/svdm_ros/{executable}' for executable in ('disparity_node', 'process_bag', 'play_bag', 'images_to_bag')),
     'share/ament_index/resource_index/packages/svdm_ros',
     'share/svdm_ros/package.xml',
-    'share/svdm_ros/config/fastdds.xml',
+    *(f'share/svdm_ros/config/{name}' for name in ('fastdds.xml', 'stereo.rviz', 'foxglove.json')),
     *(f'share/svdm_ros/config/{preset}' for preset in PRESETS),
-    'share/svdm_ros/launch/disparity.launch.py',
+    *(f'share/svdm_ros/launch/{name}.launch.py' for name in ('disparity', 'stereo', 'two_cameras')),
     *(f'lib/python3.12/site-packages/svdm_core/{template}' for template in TEMPLATES),
     *(f'share/svdm_ros/hook/ament_prefix_path.{kind}' for kind in ('dsv', 'sh')),
 ])
