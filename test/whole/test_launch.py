@@ -20,6 +20,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
+from stereo_msgs.msg import DisparityImage
 
 DOMAIN = fresh_domain()
 PRESETS = 'accurate, default, fast, paper, paper_start'
@@ -119,6 +120,8 @@ class Observer:
     def subscriptions(self, node: str) -> set[str]:
         """Topics of the images and infos that a node listens to, once there are all four."""
         namespace, _, name = node.rpartition('/')
+        # Else the node takes no images.
+        self._node.create_subscription(DisparityImage, f'{namespace}/disparity', lambda _: None, 1)
         end = time.monotonic() + 10
         while time.monotonic() < end:
             found = {topic for topic, kinds in self._node.get_subscriber_names_and_types_by_node(name, namespace or '/')
