@@ -6,11 +6,14 @@ for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from . import confidence, depth, messages, point_cloud, preview
+from . import confidence, depth, messages, point_cloud, preview, rectified
 from .matched_frame import MatchedFrame
 from .messages import MessageTypes
+
+if TYPE_CHECKING:
+    from ..node.parameter_set import NodeParameters
 
 IMAGE, CAMERA_INFO = 'sensor_msgs/msg/Image', 'sensor_msgs/msg/CameraInfo'
 
@@ -19,6 +22,7 @@ class Output(NamedTuple):
     """One topic.
 
     name: of the output it belongs to. topic: relative. make: the message for a pair. meaning: for the usage text.
+    when: under which parameters there is one.
     """
 
     name: str
@@ -26,6 +30,11 @@ class Output(NamedTuple):
     message_type: str
     make: Callable[[MatchedFrame, MessageTypes], Any]
     meaning: str
+    when: Callable[[NodeParameters], bool] = lambda _: True
+
+
+def _is_raw(parameters: NodeParameters) -> bool:
+    return parameters.input == 'raw'
 
 
 OUTPUTS = (
@@ -37,9 +46,12 @@ OUTPUTS = (
     Output('preview', 'disparity/preview', IMAGE, preview.preview_image, 'disparity in colours'),
     Output('preview', 'disparity/preview/compressed', 'sensor_msgs/msg/CompressedImage', preview.compressed_preview,
            'the same as JPEG'),
+    Output('rectified', 'left/image_rect', IMAGE, rectified.left_image, 'what the disparity belongs to, of raw images',
+           _is_raw),
+    Output('rectified', 'left/camera_info_rect', CAMERA_INFO, depth.camera_info, 'its camera_info', _is_raw),
 )
 
 
-def output_names() -> tuple[str, ...]:
-    """disparity, depth, ..."""
-    return tuple(dict.fromkeys(output.name for output in OUTPUTS))
+def output_names(parameters: NodeParameters) -> tuple[str, ...]:
+    """Of the outputs that there are under these parameters: disparity, depth, ..."""
+    return tuple(dict.fromkeys(output.name for output in OUTPUTS if output.when(parameters)))

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .exposure import exposure_of, matched
+
 if TYPE_CHECKING:
     from svdm_core import MatcherParameters
 
@@ -19,17 +21,19 @@ _MOST_DISPARITIES = 1024
 
 
 class PreparedPair(NamedTuple):
-    """left, right: the images to be matched, uint8 or uint16, (H, W) or (H, W, 3). geometry: of these images."""
+    """left, right: the images to be matched, uint8 or uint16, (H, W) or (H, W, 3). geometry: of these images. note:
+    what should be known of them."""
 
     left: NDArray[Any]
     right: NDArray[Any]
     geometry: StereoGeometry
+    note: str = ''
 
 
 def prepare(
     left: NDArray[Any], right: NDArray[Any], geometry: StereoGeometry, parameters: NodeParameters
 ) -> PreparedPair:
-    """Cut out `roi` and shrink by `downscale`, which changes no depth.
+    """Cut out `roi`, shrink by `downscale`, which changes no depth, and even out the exposure by `exposure_match`.
 
     Raises ValueError where the images have no such part.
     """
@@ -45,7 +49,14 @@ def prepare(
         if min(left.shape[:2]) < factor:
             raise ValueError(f'downscale = {factor} leaves nothing of {left.shape[1]}x{left.shape[0]} px')
         left, right, geometry = _shrunk(left, factor), _shrunk(right, factor), geometry.shrunk(factor)
-    return PreparedPair(left, right, geometry)
+    note = ''
+    if parameters.exposure_match == 'gain':
+        exposure = exposure_of(left, right)
+        right = matched(right, exposure)
+        if exposure.differs_much(np.iinfo(left.dtype).max):
+            note = (f'the right image differs from the left in exposure (gain {exposure.gain:.2f}, offset '
+                    f'{exposure.offset:.0f} grey levels), which exposure_match evens out: synchronize the exposures')
+    return PreparedPair(left, right, geometry, note)
 
 
 def _shrunk(image: NDArray[Any], factor: int) -> NDArray[Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
+from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
@@ -12,20 +13,25 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from ..frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from ..calibration.rectification import unrectified_line
+from ..frames.frame_processing import FrameProcessor
 from ..frames.outputs import OUTPUTS
 from ..frames.stereo_pairing import SideName, StereoPairer
+from ..frames.views import FrameError, StereoFrame
 from .declared_parameters import DeclaredParameters, unknown_parameter_line
 from .diagnostics import diagnostic_array
 from .frame_statistics import FrameStatistics, Rate
+from .image_topics import SIDES, ImageTopics, all_image_topics, other_topics_hint
 from .output_publishers import OutputPublishers
 from .parameter_set import NodeParameters
 from .quality_of_service import (
     OVERRIDABLE,
     Entity,
     incompatible_line,
+    is_latched,
+    latched_qos,
     naming_overrides,
     override_names,
     sensor_qos,
@@ -33,7 +39,8 @@ from .quality_of_service import (
 from .watchdog import Line, Throttle, Traffic, Watchdog
 from .worker import Worker
 
-_SIDES: tuple[SideName, ...] = ('left', 'right')
+type AnyImage = Image | CompressedImage
+
 _STATUS_PERIOD = 1.0
 """Seconds between two diagnostics, and between two looks of the watchdog."""
 _TROUBLE_LASTS = 3.0
@@ -53,8 +60,9 @@ class DisparityNode(Node):
         self._throttle = Throttle()
         self._trouble: tuple[float, str] = (-_TROUBLE_LASTS, '')
         self._dropped_before = 0
-        self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(_SIDES)
-        self._pairer: StereoPairer[Image] = StereoPairer()
+        self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(SIDES)
+        self._pairer: StereoPairer[AnyImage] = StereoPairer()
+        self._wired = False
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
         self._use_parameters(self._settings.current)
@@ -63,11 +71,11 @@ class DisparityNode(Node):
         # Noted before rclpy declares the rest of them, with each topic.
         self._overrides_given = [name for name in overrides if self.has_parameter(name)]
 
+        self._topics = ImageTopics.of(self._settings.current)
         self._image_subscriptions: list[Subscription] = []
-        self._image_topics = {side: self.resolve_topic_name(f'{side}/image_rect') for side in _SIDES}
-        self._watchdog = self._new_watchdog()
         self._outputs = OutputPublishers(self, lambda topic: naming_overrides(topic, self._overrides_given),
                                          self._report_incompatible, self._heed_listeners)
+        self._outputs.adapt(self._settings.current)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
         self._processor = FrameProcessor(on_compiling=self._report_compiling)
         self._worker: Worker[StereoFrame] = Worker(
@@ -75,8 +83,10 @@ class DisparityNode(Node):
             lambda: self._settings.current.period
         )
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
-        for side in _SIDES:
-            self._subscribe(CameraInfo, side, 'camera_info', self._take_info)
+        for side in SIDES:
+            self._subscribe(CameraInfo, f'{side}/camera_info', partial(self._take_info, side))
+        self._latched_infos: set[SideName] = set()
+        self._wired = True
         self._subscribe_to_images()  # so that a setting that does not fit is told at the start
         self._heed_listeners()
         self._rate = Rate(time.monotonic())
@@ -101,17 +111,36 @@ class DisparityNode(Node):
         names: list[str] = []
         for output in OUTPUTS:
             names += override_names(self.resolve_topic_name(output.topic), 'publisher')
-        for topic in (f'{side}/{name}' for side in _SIDES for name in ('image_rect', 'camera_info')):
+        images = dict.fromkeys(topics.name(side) for topics in all_image_topics() for side in SIDES)
+        for topic in (*(f'{side}/camera_info' for side in SIDES), *images):
             names += override_names(self.resolve_topic_name(topic), 'subscription')
         return names
 
-    def _new_watchdog(self) -> Watchdog:
-        return Watchdog(self._image_topics['left'], self._image_topics['right'], time.monotonic())
+    def _ask_for_latched_info(self, side: SideName) -> None:
+        """What was latched before this node came reaches only who asks for it, and who asks gets nothing else."""
+        name = f'{side}/camera_info'
+        publishers = self.get_publishers_info_by_topic(self.resolve_topic_name(name))
+        if side not in self._latched_infos and any(map(is_latched, publishers)):
+            self._latched_infos.add(side)
+            self.create_subscription(CameraInfo, name, partial(self._take_info, side), latched_qos(),
+                                     event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+
+    def _image_topic(self, side: SideName) -> str:
+        return self.resolve_topic_name(self._topics.name(side))
 
     def _subscribe_to_images(self) -> None:
-        self._watchdog = self._new_watchdog()
-        self._image_subscriptions = [
-            self._subscribe(Image, side, 'image_rect', self._take_image) for side in _SIDES]
+        self._watchdog = Watchdog(self._image_topic('left'), self._image_topic('right'), time.monotonic())
+        kind = CompressedImage if self._topics.transport == 'compressed' else Image
+        takers: dict[str, Callable[[AnyImage], None]] = {
+            self._topics.name(side): partial(self._take_image, side) for side in SIDES}
+        if self._topics.together:
+            takers = {self._topics.name('left'): self._take_both}
+        self._image_subscriptions = [self._subscribe(kind, name, take) for name, take in takers.items()]
+
+    def _leave_images(self) -> None:
+        for subscription in self._image_subscriptions:
+            self.destroy_subscription(subscription)
+        self._image_subscriptions = []
 
     def _heed_listeners(self) -> None:
         """Take images while somebody listens, and none while nobody does."""
@@ -119,20 +148,15 @@ class DisparityNode(Node):
         if listeners and not self._image_subscriptions:
             self._subscribe_to_images()
         elif not listeners and self._image_subscriptions:
-            for subscription in self._image_subscriptions:
-                self.destroy_subscription(subscription)
-            self._image_subscriptions = []
+            self._leave_images()
 
     def _subscribe[Message](
-        self, message_type: type[Message], side: SideName, name: str, take: Callable[[SideName, Message], None]
+        self, message_type: type[Message], name: str, take: Callable[[Message], None]
     ) -> Subscription:
-        def receive(message: Message) -> None:
-            take(side, message)
-
-        topic = self.resolve_topic_name(f'{side}/{name}')
+        topic = self.resolve_topic_name(name)
         with naming_overrides(topic, self._overrides_given):
             return self.create_subscription(
-                message_type, f'{side}/{name}', receive, sensor_qos(), qos_overriding_options=OVERRIDABLE,
+                message_type, name, take, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
                     incompatible_qos=lambda event: self._report_incompatible(topic, 'subscription', event)),
             )
@@ -141,23 +165,38 @@ class DisparityNode(Node):
         """The pairing's part; the worker looks at `current` before each frame."""
         self._pairer.tolerance_ns = parameters.tolerance_ns
         self._pairer.queue_size = parameters.queue_size
+        topics = ImageTopics.of(parameters)
+        if self._wired and topics != self._topics:
+            self._leave_images()
+            self._topics, self._pairer = topics, StereoPairer(parameters.tolerance_ns, parameters.queue_size)
+            self._outputs.adapt(parameters)
+            self._heed_listeners()
 
     # Callbacks of the executor's thread
 
     def _take_info(self, side: SideName, info: CameraInfo) -> None:
         self._infos[side] = info
 
-    def _take_image(self, side: SideName, image: Image) -> None:
+    def _take_both(self, image: AnyImage) -> None:
+        """An image that holds both views."""
+        for side in SIDES:
+            self._statistics.count_received(side)
+        self._submit(image, image)
+
+    def _take_image(self, side: SideName, image: AnyImage) -> None:
         self._statistics.count_received(side)
         stamp = image.header.stamp.sec * 1_000_000_000 + image.header.stamp.nanosec
         jumps = self._pairer.jumps
         pairs = self._pairer.add(side, stamp, image)
         if self._pairer.jumps != jumps:
-            self._say(Line('jump', f'the stamps of {self._image_topics[side]} jumped back (a looping bag?): going on'))
+            self._say(Line('jump', f'the stamps of {self._image_topic(side)} jumped back (a looping bag?): going on'))
         for pair in pairs:
-            self._statistics.count_pair()
-            left_info, right_info = self._infos['left'], self._infos['right']
-            self._worker.submit(StereoFrame(pair.left, pair.right, left_info, right_info, time.monotonic()))
+            self._submit(pair.left, pair.right)
+
+    def _submit(self, left: AnyImage, right: AnyImage) -> None:
+        self._statistics.count_pair()
+        self._worker.submit(StereoFrame(left, right, self._infos['left'], self._infos['right'], time.monotonic(),
+                                        raw=self._topics.input == 'raw'))
 
     def _watch(self) -> None:
         for side, total in self._pairer.unpaired.items():
@@ -168,13 +207,15 @@ class DisparityNode(Node):
             left=counts.received['left'],
             right=counts.received['right'],
             pairs=counts.pairs,
-            left_publishers=self.count_publishers(self._image_topics['left']),
-            right_publishers=self.count_publishers(self._image_topics['right']),
+            left_publishers=self.count_publishers(self._image_topic('left')),
+            right_publishers=self.count_publishers(self._image_topic('right')),
             closest_gap_ns=self._pairer.take_closest_gap(),
             tolerance_ns=self._pairer.tolerance_ns,
+            hint=lambda: other_topics_hint(self._topics, self._types_on),
         ))
         if line is not None:
             self._complain(line)
+        self._look_at_infos()
         if counts.total_dropped > self._dropped_before:
             text = f'{counts.pairs} pairs, {counts.published} published; images and pairs: {counts.dropped_text()}'
             self._say(Line('counts', text))
@@ -185,6 +226,20 @@ class DisparityNode(Node):
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
             trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
         ))
+
+    def _types_on(self, name: str) -> set[str]:
+        return {info.topic_type for info in self.get_publishers_info_by_topic(self.resolve_topic_name(name))}
+
+    def _look_at_infos(self) -> None:
+        """Ask for those that are missing; tell where they say that images are not rectified."""
+        for side in SIDES:
+            info = self._infos[side]
+            if info is None:
+                self._ask_for_latched_info(side)
+            elif self._topics.input == 'rectified' and self._image_subscriptions:
+                line = unrectified_line(info, self._image_topic(side))
+                if line:
+                    self._complain(Line(f'unrectified {side}', line))
 
     # The worker's thread
 

@@ -14,35 +14,46 @@ from rclpy.publisher import Publisher
 from ..frames.matched_frame import MatchedFrame
 from ..frames.messages import rclpy_types
 from ..frames.outputs import OUTPUTS, Output
+from .parameter_set import NodeParameters
 from .quality_of_service import OVERRIDABLE, Entity, output_qos
 
 
 class OutputPublishers:
-    """Makes a publisher for each of OUTPUTS; messages are made for those with subscribers only."""
+    """A publisher for each of OUTPUTS that there is; messages are made for those with subscribers only."""
 
     def __init__(
         self, node: Node, opening: Callable[[str], AbstractContextManager[None]],
         on_incompatible: Callable[[str, Entity, Any], None], on_listeners: Callable[[], None],
     ) -> None:
-        """opening: around the making of a publisher of a topic. on_listeners: called when a subscriber comes or goes.
-
-        Raises ValueError where a topic cannot be opened.
+        """opening: around the making of a publisher of a topic; raises ValueError where it cannot be opened.
+        on_listeners: called when a subscriber comes or goes.
         """
-        self._publishers: list[tuple[Output, Publisher]] = []
+        self._node, self._opening = node, opening
+        self._on_incompatible, self._on_listeners = on_incompatible, on_listeners
+        self._publishers: dict[Output, Publisher] = {}
+
+    def adapt(self, parameters: NodeParameters) -> None:
+        """Have publishers for the outputs that there are under these parameters."""
         for output in OUTPUTS:
-            topic = node.resolve_topic_name(output.topic)
-            events = PublisherEventCallbacks(
-                incompatible_qos=functools.partial(on_incompatible, topic, 'publisher'),
-                matched=lambda _: on_listeners())
-            with opening(topic):
-                publisher = node.create_publisher(
-                    _message_class(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
-                    event_callbacks=events)
-            self._publishers.append((output, publisher))
+            if output.when(parameters) and output not in self._publishers:
+                self._publishers[output] = self._publisher(output)
+            elif not output.when(parameters) and output in self._publishers:
+                self._node.destroy_publisher(self._publishers.pop(output))
+
+    def _publisher(self, output: Output) -> Publisher:
+        topic = self._node.resolve_topic_name(output.topic)
+        events = PublisherEventCallbacks(
+            incompatible_qos=functools.partial(self._on_incompatible, topic, 'publisher'),
+            matched=lambda _: self._on_listeners())
+        with self._opening(topic):
+            return self._node.create_publisher(
+                _message_class(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
+                event_callbacks=events)
 
     def wanted(self) -> Iterator[tuple[Output, Publisher]]:
         """The outputs that somebody listens to."""
-        return ((output, publisher) for output, publisher in self._publishers if publisher.get_subscription_count())
+        publishers = tuple(self._publishers.items())  # parameters may change meanwhile
+        return ((output, publisher) for output, publisher in publishers if publisher.get_subscription_count())
 
     def have_listeners(self) -> bool:
         return any(True for _ in self.wanted())

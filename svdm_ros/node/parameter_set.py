@@ -11,6 +11,15 @@ Value = bool | int | float | str
 
 _OWN_TABLE = (
     ParameterInfo(
+        'input', 'rectified', 'whether the images are rectified, or raw: then they are rectified by camera_info',
+        choices=('rectified', 'raw')),
+    ParameterInfo(
+        'transport', 'raw', 'images as they are, or compressed (JPEG, PNG): the topic is <image topic>/compressed',
+        choices=('raw', 'compressed')),
+    ParameterInfo(
+        'layout', 'separate', 'an image of each camera, or one that holds both side by side: image_raw or image_rect',
+        choices=('separate', 'side_by_side')),
+    ParameterInfo(
         'approximate_sync_tolerance', 0.0,
         'largest difference of the stamps of a pair; 0 pairs equal stamps only; keep it below half the frame period',
         unit='s', minimum=0.0, maximum=10.0),
@@ -47,6 +56,12 @@ _OWN_TABLE = (
     ParameterInfo(
         'confidence_threshold', 0.0, 'disparities of less confidence are unknown; 0: off', minimum=0.0, maximum=1.0),
     ParameterInfo(
+        'temporal_filter', 0.0, 'weight of the past in the disparities, for a camera that stands or moves slowly; '
+        '0: off; the result then depends on the frames before', minimum=0.0, maximum=0.95),
+    ParameterInfo(
+        'exposure_match', 'off', "whether the right image's brightness and contrast are brought to the left's",
+        choices=('off', 'gain')),
+    ParameterInfo(
         'num_threads', 0, 'threads of the matcher; 0 is one a processor', minimum=0, maximum=1024),
 )
 
@@ -76,6 +91,9 @@ class NodeParameters:
     """
 
     matcher: MatcherParameters = dataclasses.field(default_factory=MatcherParameters)
+    input: str = 'rectified'
+    transport: str = 'raw'
+    layout: str = 'separate'
     approximate_sync_tolerance: float = 0.0
     queue_size: int = 10
     publish_filled: bool = True
@@ -89,6 +107,8 @@ class NodeParameters:
     max_rate: float = 0.0
     speckle_size: int = 0
     confidence_threshold: float = 0.0
+    temporal_filter: float = 0.0
+    exposure_match: str = 'off'
     num_threads: int = 0
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 Entity = Literal['publisher', 'subscription']
 
@@ -18,6 +19,18 @@ OVERRIDABLE = QoSOverridingOptions(
 def sensor_qos() -> QoSProfile:
     """SensorDataQoS; a new one each time, as overriding changes it in place."""
     return _profile(5, ReliabilityPolicy.BEST_EFFORT)
+
+
+def latched_qos() -> QoSProfile:
+    """For what was sent before we came, and kept for us."""
+    profile = _profile(1, ReliabilityPolicy.RELIABLE)
+    profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return profile
+
+
+def is_latched(publisher: TopicEndpointInfo) -> bool:
+    """Whether it keeps what it has sent for those who come later."""
+    return bool(publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def output_qos() -> QoSProfile:

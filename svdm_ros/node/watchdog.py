@@ -4,6 +4,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import threading
+from collections.abc import Callable
 
 _NS = 1e-9
 _CLOCKS_DIFFER_NS = 1_000_000_000
@@ -19,7 +20,10 @@ class Line:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Traffic:
-    """What has come so far (totals), who publishes, and how near the stamps of the two sides came of late."""
+    """What has come so far (totals), who publishes, and how near the stamps of the two sides came of late.
+
+    hint: what may be the matter where images are missing, or empty; asked only then.
+    """
 
     left: int
     right: int
@@ -28,6 +32,7 @@ class Traffic:
     right_publishers: int
     closest_gap_ns: int | None
     tolerance_ns: int
+    hint: Callable[[], str] = lambda: ''
 
 
 class Watchdog:
@@ -49,10 +54,10 @@ class Watchdog:
         if traffic.closest_gap_ns is not None:
             self._gap_ns = traffic.closest_gap_ns
         if self._is_silent('left', now) and self._is_silent('right', now):
-            return Line('nothing', self._nothing(traffic))
+            return Line('nothing', _with_hint(self._nothing(traffic), traffic))
         for silent, there in (('left', 'right'), ('right', 'left')):
             if self._is_silent(silent, now, self._began[there]):
-                return Line('one side', self._one_side(traffic, silent))
+                return Line('one side', _with_hint(self._one_side(traffic, silent), traffic))
         if self._is_silent('pairs', now, max(self._began['left'], self._began['right'])):
             return Line('apart', self._apart(traffic))
         return None
@@ -125,6 +130,11 @@ class Throttle:
             self._said[line.kind] = now
             held_back = self._held_back.pop(line.kind, 0)
         return f'{line.text} ({held_back} times more since the last such line)' if held_back else line.text
+
+
+def _with_hint(text: str, traffic: Traffic) -> str:
+    hint = traffic.hint()
+    return f'{text}; {hint}' if hint else text
 
 
 def _publishers(count: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...frames.matched_frame import MatchedFrame
-from ...frames.outputs import OUTPUTS
+from ...frames.outputs import OUTPUTS, Output
 from ..reading.pair_stream import RecordedPair
 from ..reading.recorded_frames import ROS2, TYPES
 from ..reading.recording import Recording
@@ -31,7 +31,7 @@ class Outputs:
 
     def declared(self, recording: Recording) -> list[OutputTopic]:
         """All topics of the output. Raises ValueError where the input has one of the same name."""
-        own = [(f'/{output.topic}', output.message_type) for output in OUTPUTS if output.name in self.names]
+        own = [(f'/{output.topic}', output.message_type) for output in self._written]
         own += [(name, CAMERA_INFO) for name in self._info_names] if self.calibrated else []
         for name, _ in own:
             if name in self.copied:
@@ -42,15 +42,18 @@ class Outputs:
 
     def messages(self, pair: RecordedPair, frame: MatchedFrame) -> Iterator[tuple[str, memoryview]]:
         """Topic and CDR of each message of one pair."""
-        for output in OUTPUTS:
-            if output.name in self.names:
-                yield f'/{output.topic}', ROS2.serialize_cdr(output.make(frame, TYPES), output.message_type)
+        for output in self._written:
+            yield f'/{output.topic}', ROS2.serialize_cdr(output.make(frame, TYPES), output.message_type)
         if self.calibrated:
             for name, info, image in zip(self._info_names, (pair.left_info, pair.right_info), (pair.left, pair.right),
                                          strict=True):
                 assert info is not None  # it is the calibration's
                 stamped = dataclasses.replace(info, header=image.message.header)
                 yield name, ROS2.serialize_cdr(stamped, CAMERA_INFO)
+
+    @property
+    def _written(self) -> list[Output]:
+        return [output for output in OUTPUTS if output.name in self.names]
 
     @property
     def _info_names(self) -> Sequence[str]:

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     parameters = _parameters(options.params or options.preset, options.changes)
     template = Job(
         inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
-        duration_s=options.duration, copy_inputs=options.copy_inputs, outputs=_outputs(options),
+        duration_s=options.duration, copy_inputs=options.copy_inputs, outputs=_outputs(options, parameters),
         preview=options.preview,
         calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
     is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
@@ -52,15 +52,15 @@ def run(options: argparse.Namespace) -> int:
     return _run_one(template) if is_one else _run_many(jobs, options)
 
 
-def _outputs(options: argparse.Namespace) -> tuple[str, ...]:
-    names = [name.strip() for name in options.outputs.split(',')]
+def _outputs(options: argparse.Namespace, parameters: NodeParameters) -> tuple[str, ...]:
+    names, allowed = [name.strip() for name in options.outputs.split(',')], output_names(parameters)
     for name in names:
-        if name not in output_names():
-            raise ValueError(f'--outputs: {name[:100]!r} is not allowed: it must be of {", ".join(output_names())}, '
+        if name not in allowed:
+            raise ValueError(f'--outputs: {name[:100]!r} is not allowed: it must be of {", ".join(allowed)}, '
                              'separated by commas')
     if options.preview and 'disparity' not in names:
         raise ValueError(f'--preview {options.preview} is drawn from the output disparity: add it to --outputs')
-    return tuple(name for name in output_names() if name in names)
+    return tuple(name for name in allowed if name in names)
 
 
 def _run_one(job: Job) -> int:

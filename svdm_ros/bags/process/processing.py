@@ -10,7 +10,8 @@ from typing import Any
 
 from ...calibration.stereo_calibration import StereoCalibration
 from ...command_line.interrupts import deferred_interrupts
-from ...frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from ...frames.frame_processing import FrameProcessor
+from ...frames.views import FrameError, StereoFrame
 from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
 from ..reading.recorded_frames import as_image
@@ -167,7 +168,8 @@ class _Run:
         try:
             left = as_image(pair.left.message, pair.left.message_type, 'left')
             right = as_image(pair.right.message, pair.right.message_type, 'right')
-            frame = StereoFrame(left, right, pair.left_info, pair.right_info, arrived=0.0)
+            frame = StereoFrame(left, right, pair.left_info, pair.right_info, arrived=0.0,
+                                raw=self._job.parameters.input == 'raw')
             result = self._processor.process(frame, self._job.parameters)
         except FrameError as error:
             progress.drop(error.reason, str(error))

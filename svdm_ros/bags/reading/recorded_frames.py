@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from ...frames.compressed import decode
-from ...frames.frame_processing import FrameError
 from ...frames.messages import MessageTypes
+from ...frames.views import FrameError
 from .stereo_topics import COMPRESSED
 
 ROS2 = get_typestore(Stores.ROS2_JAZZY)

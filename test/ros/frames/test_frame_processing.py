@@ -6,8 +6,9 @@ from scenes import shifted_wall
 from sensor_msgs.msg import Image
 
 from svdm_core import matcher
-from svdm_ros.frames.frame_processing import FrameProcessor, StereoFrame
+from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.messages import disparity_image, rclpy_types
+from svdm_ros.frames.views import StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
 

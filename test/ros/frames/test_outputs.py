@@ -11,10 +11,11 @@ from std_msgs.msg import Header
 from svdm_core import DisparityResult, MatcherParameters
 from svdm_ros.calibration.geometry import StereoGeometry
 from svdm_ros.frames.filtering import known_pixels, speckles
-from svdm_ros.frames.frame_processing import FrameError, FrameProcessor, StereoFrame
+from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.frames.messages import rclpy_types
 from svdm_ros.frames.outputs import OUTPUTS, output_names
+from svdm_ros.frames.views import FrameError, StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
 GEOMETRY = StereoGeometry(500.0, 0.25, 3.5, '', 505.0, 30.25, 20.5)
@@ -169,7 +170,8 @@ def test_each_output_has_its_type_and_the_header_of_the_left_image(output):
 
 def test_the_topics_are_different_and_the_names_are_listed_once():
     assert len({output.topic for output in OUTPUTS}) == len(OUTPUTS)
-    assert output_names() == ('disparity', 'depth', 'points', 'confidence', 'preview')
+    assert output_names(NodeParameters()) == ('disparity', 'depth', 'points', 'confidence', 'preview')
+    assert output_names(NodeParameters(input='raw'))[-1] == 'rectified'
 
 
 @settings(deadline=None, derandomize=True)

@@ -176,11 +176,10 @@ from svdm_ros.frames import frame_processing
 from svdm_ros.node import disparity_node
 from svdm_ros.__main__ import main
 
-def fail(*_):
-    raise ValueError('made to fail')
-
-frame_processing.FrameProcessor.warm_up = fail
-disparity_node.DisparityNode._take_info = fail
+# As if it stood in the node's module: an error of rclpy's own would be a bad request.
+exec("def fail(*_): raise ValueError('made to fail')", vars(disparity_node))
+frame_processing.FrameProcessor.warm_up = disparity_node.fail
+disparity_node.DisparityNode._take_info = disparity_node.fail
 sys.exit(main())
 """
 

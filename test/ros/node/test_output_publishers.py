@@ -7,8 +7,10 @@ import psutil
 import pytest
 from node_bench import image_message, random_dots, running_node
 
-from svdm_ros.frames.outputs import OUTPUTS
+from svdm_ros.frames import outputs
+from svdm_ros.node.parameter_set import NodeParameters
 
+OUTPUTS = [output for output in outputs.OUTPUTS if output.when(NodeParameters())]
 IMAGES = ('/left/image_rect', '/right/image_rect')
 
 

@@ -34,8 +34,9 @@ from recordings import (
 
 from svdm_core import MatcherParameters, StereoMatcher
 from svdm_ros.bags.reading.recording import open_recording
-from svdm_ros.frames.frame_processing import FrameProcessor, StereoFrame
+from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.messages import disparity_image, rclpy_types
+from svdm_ros.frames.views import StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
 pytest_plugins = ['process_bag_fixtures']
