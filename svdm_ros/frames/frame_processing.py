@@ -14,6 +14,7 @@ from .filtering import known_pixels
 from .image_conversion import image_to_array
 from .matched_frame import MatchedFrame
 from .preparation import PreparedPair, prepare, search_range
+from .row_offsets import RectificationCheck
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,13 +54,17 @@ class FrameError(ValueError):
 
 
 class FrameProcessor:
-    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library."""
+    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library.
+
+    rectification: what it found may be read from any thread.
+    """
 
     def __init__(self, on_compiling: Callable[[str], None] = lambda _: None) -> None:
         """on_compiling: told before a frame that has to compile kernels first, with what they are for."""
         self._on_compiling = on_compiling
         self._matcher: StereoMatcher | None = None
         self._threads = 0
+        self.rectification = RectificationCheck()
 
     def warm_up(self, parameters: NodeParameters) -> None:
         """Compile what `parameters` need for 8-bit images, or load it from the cache of an earlier run."""
@@ -77,6 +82,8 @@ class FrameProcessor:
             raise FrameError('not prepared', f'pair dropped: {error}') from error
         matching, problem = search_range(pair.geometry, parameters)
         parameters = dataclasses.replace(parameters, matcher=matching)
+        searched = (matching.min_disparity, matching.min_disparity + matching.num_disparities - 1)
+        self.rectification.look(pair.left, pair.right, searched, frame.arrived)
         result = self._match(pair, parameters)
         known = known_pixels(result, pair.geometry, parameters)
         matched = MatchedFrame(frame.left.header, pair.left, result.disparity, result.valid, known, result.step,
