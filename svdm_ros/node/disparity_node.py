@@ -173,6 +173,9 @@ class DisparityNode(Node):
             closest_gap_ns=self._pairer.take_closest_gap(),
             tolerance_ns=self._pairer.tolerance_ns,
         ))
+        rows = self._processor.rectification.line()
+        if line is None and rows and self._image_subscriptions:
+            line = Line('rows', rows)
         if line is not None:
             self._complain(line)
         if counts.total_dropped > self._dropped_before:
@@ -184,6 +187,7 @@ class DisparityNode(Node):
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
             trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
+            more=self._processor.rectification.values(),
         ))
 
     # The worker's thread
