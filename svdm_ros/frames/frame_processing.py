@@ -13,6 +13,7 @@ from ..calibration.geometry import stereo_geometry
 from .filtering import known_pixels
 from .matched_frame import MatchedFrame
 from .preparation import PreparedPair, prepare, search_range
+from .row_offsets import RectificationCheck
 from .temporal_filter import TemporalFilter
 from .views import FrameError, StereoFrame, Views
 
@@ -30,7 +31,10 @@ class ProcessedFrame:
 
 
 class FrameProcessor:
-    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library."""
+    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library.
+
+    rectification: what it found may be read from any thread.
+    """
 
     def __init__(self, on_compiling: Callable[[str], None] = lambda _: None) -> None:
         """on_compiling: told before a frame that has to compile kernels first, with what they are for."""
@@ -39,6 +43,7 @@ class FrameProcessor:
         self._threads = 0
         self._views = Views()
         self._temporal = TemporalFilter()
+        self.rectification = RectificationCheck()
 
     def warm_up(self, parameters: NodeParameters) -> None:
         """Compile what `parameters` need for 8-bit images, or load it from the cache of an earlier run."""
@@ -55,6 +60,8 @@ class FrameProcessor:
             raise FrameError('not prepared', f'pair dropped: {error}') from error
         matching, problem = search_range(pair.geometry, parameters)
         parameters = dataclasses.replace(parameters, matcher=matching)
+        searched = (matching.min_disparity, matching.min_disparity + matching.num_disparities - 1)
+        self.rectification.look(pair.left, pair.right, searched, frame.arrived)
         result = self._match(pair, parameters)
         known = known_pixels(result, pair.geometry, parameters)
         disparity, step = result.disparity, result.step

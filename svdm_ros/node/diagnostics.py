@@ -1,6 +1,8 @@
 """The counts as diagnostic_msgs/DiagnosticArray."""
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -17,12 +19,12 @@ STATE, COMPILING, READY = 'state', 'compiling', 'ready'
 
 def diagnostic_array(
     name: str, stamp: Time, counts: FrameCounts, rate: float, ready: bool, trouble: str = '',
-    idle: bool = False,
+    idle: bool = False, more: Mapping[str, str] = MappingProxyType({}),
 ) -> DiagnosticArray:
     """One status: OK, or WARN with `trouble`; values are totals, Hz and ms, and the `state`: COMPILING or READY.
 
     The state is for whoever waits for the node: what the message tells is for people, and a trouble comes first in it.
-    idle: no images are taken, as nobody listens.
+    idle: no images are taken, as nobody listens. more: further values.
     Latency is from arrival to publication; the stages are means over the frames since the last diagnostics.
     """
     status = DiagnosticStatus(name=name, hardware_id='')
@@ -36,6 +38,7 @@ def diagnostic_array(
         'published': str(counts.published),
         'defects': str(counts.defects),
         'rate (Hz)': f'{rate:.2f}',
+        **more,
         **_latencies(counts.latencies),
         **{f'{stage} (ms)': f'{milliseconds:.1f}' for stage, milliseconds in counts.timings.items()},
         **{f'dropped: {reason}': str(count) for reason, count in counts.dropped.items()},

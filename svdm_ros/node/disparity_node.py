@@ -213,6 +213,9 @@ class DisparityNode(Node):
             tolerance_ns=self._pairer.tolerance_ns,
             hint=lambda: other_topics_hint(self._topics, self._types_on),
         ))
+        rows = self._processor.rectification.line()
+        if line is None and rows and self._image_subscriptions:
+            line = Line('rows', rows)
         if line is not None:
             self._complain(line)
         self._look_at_infos()
@@ -225,6 +228,7 @@ class DisparityNode(Node):
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
             trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
+            more=self._processor.rectification.values(),
         ))
 
     def _types_on(self, name: str) -> set[str]:

@@ -6,7 +6,8 @@ import pytest
 
 
 @pytest.mark.parametrize('module', [
-    'calibration.rectification', 'frames.compressed', 'frames.side_by_side', 'frames.image_conversion'])
+    'calibration.rectification', 'frames.compressed', 'frames.side_by_side', 'frames.image_conversion',
+    'frames.row_offsets'])
 def test_no_message_package_is_imported(module):
     code = f'import sys, svdm_ros.{module}; print(*sys.modules)'
     loaded = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True).stdout.split()

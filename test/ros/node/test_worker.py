@@ -128,12 +128,12 @@ def test_diagnostics_tell_counts_rate_latency_and_trouble():
         statistics.count_published(milliseconds / 1e3, {'total': 20.04})
     statistics.count_drop('unreadable')
     counts, stamp = statistics.snapshot(), Time(sec=3)
-    message = diagnostic_array('/node', stamp, counts, 9.5, ready=True)
+    message = diagnostic_array('/node', stamp, counts, 9.5, ready=True, more={'features': '45'})
     (status,) = message.status
     values = {pair.key: pair.value for pair in status.values}
     assert (message.header.stamp, status.name, status.level, status.message) == (
         stamp, '/node', DiagnosticStatus.OK, '9.5 Hz')
-    assert values['state'] == 'ready'
+    assert (values['state'], values['features']) == ('ready', '45')
     assert (values['published'], values['dropped: unreadable'], values['total (ms)']) == ('100', '1', '20.0')
     assert (values['latency p50 (ms)'], values['latency p95 (ms)']) == ('51.0', '96.0')
     troubled = diagnostic_array('/node', stamp, counts, 0.0, ready=True, trouble='no images').status[0]
