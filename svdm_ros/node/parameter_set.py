@@ -24,7 +24,7 @@ _OWN_TABLE = (
         'largest difference of the stamps of a pair; 0 pairs equal stamps only; keep it below half the frame period',
         unit='s', minimum=0.0, maximum=10.0),
     ParameterInfo(
-        'queue_size', 10, 'images a side that wait for their partner', minimum=1, maximum=1000),
+        'queue_size', 10, 'images queued per camera until their partner comes', minimum=1, maximum=1000),
     ParameterInfo(
         'publish_filled', True,
         'publish a disparity for every pixel; false: only where the left-right check passed, the rest is invalid'),
@@ -62,7 +62,7 @@ _OWN_TABLE = (
         'exposure_match', 'off', "whether the right image's brightness and contrast are brought to the left's",
         choices=('off', 'gain')),
     ParameterInfo(
-        'num_threads', 0, 'threads of the matcher; 0 is one a processor', minimum=0, maximum=1024),
+        'num_threads', 0, 'threads of the matcher; 0: one thread per processor', minimum=0, maximum=1024),
 )
 
 

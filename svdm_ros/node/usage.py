@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 _USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
 
-Pairs two rectified images, matches them, and publishes what somebody listens to. Runs until Ctrl-C.
+Pairs two images, matches them, and publishes what somebody listens to. Runs until Ctrl-C.
 
-in:   left/image_rect, right/image_rect      sensor_msgs/Image
+in:   left/image_rect, right/image_rect      sensor_msgs/Image; with input raw left|right/image_raw, with transport
+                                             compressed <topic>/compressed, with layout side_by_side one image_rect|raw
       left/camera_info, right/camera_info    sensor_msgs/CameraInfo
 {outputs}
       /diagnostics                           diagnostic_msgs/DiagnosticArray, once a second
