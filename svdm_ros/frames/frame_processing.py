@@ -81,6 +81,11 @@ class FrameProcessor:
             return matcher.compute(pair.left, pair.right)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
+        except MemoryError:
+            height, width = pair.left.shape[:2]
+            raise FrameError(
+                'no memory', f'pair dropped: {width}x{height} px with {parameters.matcher.num_disparities} disparities '
+                             'take more memory than there is: set downscale, roi or fewer num_disparities') from None
 
     def _matcher_for(self, parameters: NodeParameters) -> StereoMatcher:
         if self._matcher is None or self._threads != parameters.num_threads:

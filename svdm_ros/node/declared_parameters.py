@@ -18,6 +18,16 @@ _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 """Names that rclpy declares itself."""
 
 
+_ELSEWHERE = {
+    'approximate_sync': 'approximate_sync_tolerance',
+    'approximate_sync_tolerance_seconds': 'approximate_sync_tolerance',
+    'disparity_range': 'num_disparities', 'disp12_max_diff': 'tau_lr', 'P1': 'p1', 'P2': 'p2', 'sgbm_mode': 'paths',
+    'speckle_range': 'speckle_size', 'stereo_algorithm': 'aggregation', 'correlation_window_size': 'aggregation',
+    'texture_threshold': 'confidence_threshold', 'uniqueness_ratio': 'confidence_threshold',
+}
+"""Parameters of stereo_image_proc's disparity_node, and what serves the same purpose here."""
+
+
 def descriptor(info: ParameterInfo) -> ParameterDescriptor:
     """What rqt_reconfigure and `ros2 param describe` show; rclpy enforces type and range from it."""
     result = ParameterDescriptor(
@@ -97,6 +107,8 @@ def unknown_parameter_line(name: str, others: Collection[str] = ()) -> str:
 
 
 def _hint(name: str, others: Collection[str] = ()) -> str:
+    if name in _ELSEWHERE:
+        return f'that of stereo_image_proc is {_ELSEWHERE[name]} here, in a unit of its own (ros2 param describe)'
     near = difflib.get_close_matches(name, [*_NAMES, *_ROS_PARAMETERS, *others], n=1)
     return f'did you mean {near[0]}?' if near else 'ros2 param list tells the names'
 

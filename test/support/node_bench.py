@@ -149,6 +149,11 @@ class Client:
         """From now on messages of a topic go into the list `received`."""
         self._subscriptions[topic] = self._node.create_subscription(kind, topic, received.append, qos)
 
+    def advertise(self, kind, topic, qos=10):
+        """Have a publisher for a topic, for `publish`."""
+        if topic not in self.outputs:
+            self.outputs[topic] = self._node.create_publisher(kind, topic, qos)
+
     def unsubscribe(self, topic):
         self._node.destroy_subscription(self._subscriptions.pop(topic))
 

@@ -96,3 +96,8 @@ def test_a_misspelt_name_is_told_with_the_nearest():
     assert unknown_parameter_line('alhpa') == "unknown parameter 'alhpa' is ignored: did you mean alpha?"
     assert 'ros2 param list' in unknown_parameter_line('frame_rate_of_camera')
     assert unknown_parameter_line('left.depht', ['left.depth']).endswith('did you mean left.depth?')
+
+
+def test_the_names_of_stereo_image_proc_lead_to_those_here():
+    line = unknown_parameter_line('disparity_range')
+    assert 'that of stereo_image_proc is num_disparities here' in line
