@@ -3,7 +3,7 @@ import numba
 import numpy as np
 import pytest
 from scenes import shifted_wall
-from svdm_ros.parameter_reference import markdown_table
+from svdm_ros.node.parameter_reference import markdown_table
 
 from svdm_core import MatcherParameters, StereoMatcher, load_preset, parameter_info, parameter_table
 from svdm_core.commands.cli import main
