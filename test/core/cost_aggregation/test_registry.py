@@ -3,7 +3,6 @@ import numba
 import numpy as np
 import pytest
 from scenes import shifted_wall
-from svdm_ros.node.parameter_reference import markdown_table
 
 from svdm_core import MatcherParameters, StereoMatcher, load_preset, parameter_info, parameter_table
 from svdm_core.commands.cli import main
@@ -14,6 +13,7 @@ from svdm_core.kernels.vectors import pointer
 from svdm_core.kernels.wide import UNIT, store_wide
 from svdm_core.matching_cost.byte_costs import cost_at, cost_row
 from svdm_core.phases import Phase
+from svdm_ros.node.parameter_reference import markdown_table
 
 
 @numba.njit
