@@ -68,8 +68,9 @@ def _shrunk(image: NDArray[Any], factor: int) -> NDArray[Any]:
 
 def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[MatcherParameters, str]:
     """The matcher's parameters with num_disparities for `min_depth` where that is set, and what is wrong with it."""
+    beyond = _beyond_reach(geometry, parameters.matcher.min_disparity)
     if parameters.min_depth == 0:
-        return parameters.matcher, ''
+        return parameters.matcher, beyond
     distance = geometry.focal_length * geometry.baseline
     if distance == 0:
         return parameters.matcher, 'min_depth is not used, as the focal length or the baseline is not known'
@@ -79,4 +80,13 @@ def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[
     problem = '' if wanted == count else (
         f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and '
         f'1 to {_MOST_DISPARITIES} can be searched: set downscale, min_disparity or another min_depth')
-    return dataclasses.replace(parameters.matcher, num_disparities=count), problem
+    return dataclasses.replace(parameters.matcher, num_disparities=count), problem or beyond
+
+
+def _beyond_reach(geometry: StereoGeometry, start: int) -> str:
+    """What is lost where the principal points differ and the search begins nearer than infinity."""
+    infinity = geometry.principal_offset
+    if abs(infinity) < 1 or start <= infinity:
+        return ''
+    return (f'the principal points differ by {infinity:g} px, so that infinity lies at a disparity of {infinity:g} px, '
+            f'and the search begins at {start} px: set min_disparity to {math.floor(infinity)}')

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from ...calibration.rectification import unrectified_line
 from ...calibration.stereo_calibration import StereoCalibration
 from ...command_line.interrupts import deferred_interrupts
 from ...frames.frame_processing import FrameProcessor
@@ -177,11 +178,20 @@ class _Run:
         progress.disparities += 1
         self._matched += 1
         self._matcher_ms += result.timings['total']
+        for problem in self._unrectified(pair):
+            progress.notes[problem] += 1
         if result.geometry_problem:
             progress.notes[result.geometry_problem] += 1
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
         return self._outputs.messages(pair, result.frame)
+
+    def _unrectified(self, pair: RecordedPair) -> Iterator[str]:
+        """What camera_info tells of images that are taken for rectified."""
+        if self._job.parameters.input == 'rectified' and not self._job.calibration:
+            for info, topic in ((pair.left_info, self._topics.left), (pair.right_info, self._topics.right)):
+                if info is not None and (line := unrectified_line(info, topic)):
+                    yield line
 
     def _write(
         self, messages: Iterator[tuple[str, bytes | memoryview]], time_ns: int, state: dict[str, Any]

@@ -15,6 +15,7 @@ from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.frames.messages import rclpy_types
 from svdm_ros.frames.outputs import OUTPUTS, output_names
+from svdm_ros.frames.preparation import search_range
 from svdm_ros.frames.views import FrameError, StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
@@ -262,3 +263,12 @@ def test_a_bad_roi_is_refused_by_name(roi):
 def test_max_depth_must_lie_behind_min_depth():
     with pytest.raises(ValueError, match='max_depth = 1 is not allowed: it must be more than min_depth = 2 m, or 0'):
         NodeParameters(min_depth=2.0, max_depth=1.0)
+
+
+@pytest.mark.parametrize(('offset', 'start', 'told'), [
+    (-20.0, 0, 'set min_disparity to -20'), (-20.5, -20, 'set min_disparity to -21'), (-20.0, -20, ''), (12.0, 0, ''),
+    (0.0, 5, ''), (12.0, 13, 'set min_disparity to 12'), (0.4, 1, '')])
+def test_a_search_that_cannot_reach_infinity_is_told(offset, start, told):
+    parameters = NodeParameters(MatcherParameters(min_disparity=start))
+    _, problem = search_range(StereoGeometry(500.0, 0.2, offset), parameters)
+    assert told in problem and bool(problem) is bool(told)

@@ -2,10 +2,12 @@
 import itertools
 import json
 import os
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
+import planes
 import pytest
 import recordings
 from recordings import (
@@ -254,3 +256,36 @@ def test_51_real_pairs_give_51_disparities_and_the_same_bytes_from_any_storage(k
         found.append(contents(tmp_path / name))
     assert len(found[0]) == 3 * 51
     assert all(one == found[0] for one in found[1:])
+
+
+def test_raw_images_are_rectified_where_that_is_asked_for_and_told_where_not(run, tmp_path):
+    """Real cameras with a distortion: depth and the rectified image of the bag are those of the rectified pair."""
+    size, focal, baseline = (188, 120), 109.0, 0.11
+    lens = [-0.28, 0.07, 0.0002, 1e-5]
+    k = [114.5, 114.2, 92.0, 62.0]
+    infos = {side: planes.camera_info(size, 'plumb_bob', lens, k, turn, (focal, 92.5, 61.2, shift))
+             for side, turn, shift in (('left', (0.012, -0.025, 0.008), 0.0),
+                                       ('right', (-0.01, 0.02, -0.015), -focal * baseline))}
+    entries = []
+    for index in range(2):
+        for side, info in infos.items():
+            message = recordings.camera_info(side, stamp(index))
+            for name in ('width', 'height', 'distortion_model'):
+                setattr(message, name, getattr(info, name))
+            for name in 'dkrp':
+                setattr(message, name, np.array(getattr(info, name), np.float64).ravel())
+            entries.append((f'/{side}/camera_info', stamp(index), message))
+            pixels = planes.render(info, raw=True)[0]
+            entries.append((f'/{side}/image_raw', stamp(index), recordings.image(pixels, stamp(index))))
+    bag = write(tmp_path / 'raw_bag', entries)
+    topics = ('--left', '/left/image_raw', '--right', '/right/image_raw', '--set', 'num_disparities=32')
+    told = run(bag, *topics)
+    assert 'input' in told
+    shutil.rmtree(tmp_path / 'out')
+    told = run(bag, *topics, 'input=raw', '--outputs', 'depth,rectified')
+    assert 'in 2 pairs' not in told
+    truth = planes.render(infos['left'], raw=False)[1]
+    [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
+    error = np.abs(values(depth, None) - truth)[8:-8, 40:-8] / truth[8:-8, 40:-8]
+    assert np.median(error) < 0.02
+    assert len(messages_of(tmp_path / 'out', '/left/image_rect')) == 2
