@@ -170,7 +170,7 @@ class _Run:
             left = as_image(pair.left.message, pair.left.message_type, 'left')
             right = as_image(pair.right.message, pair.right.message_type, 'right')
             frame = StereoFrame(left, right, pair.left_info, pair.right_info, arrived=0.0,
-                                raw=self._job.parameters.input == 'raw')
+                                raw=self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
             result = self._processor.process(frame, self._job.parameters)
         except FrameError as error:
             progress.drop(error.reason, str(error))
@@ -178,20 +178,23 @@ class _Run:
         progress.disparities += 1
         self._matched += 1
         self._matcher_ms += result.timings['total']
-        for problem in self._unrectified(pair):
-            progress.notes[problem] += 1
+        if not frame.raw:
+            progress.notes.update(self._unrectified(pair))
         if result.geometry_problem:
             progress.notes[result.geometry_problem] += 1
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
         return self._outputs.messages(pair, result.frame)
 
+    def _is_calibrated_raw(self, pair: RecordedPair) -> bool:
+        """Whether the calibration that was given is that of raw cameras, and the topics do not say `rect`."""
+        return self._job.calibration is not None and any(self._unrectified(pair))
+
     def _unrectified(self, pair: RecordedPair) -> Iterator[str]:
-        """What camera_info tells of images that are taken for rectified."""
-        if self._job.parameters.input == 'rectified' and not self._job.calibration:
-            for info, topic in ((pair.left_info, self._topics.left), (pair.right_info, self._topics.right)):
-                if info is not None and (line := unrectified_line(info, topic)):
-                    yield line
+        """What tells that images are not rectified."""
+        for info, topic in ((pair.left_info, self._topics.left), (pair.right_info, self._topics.right)):
+            if info is not None and (line := unrectified_line(info, topic)):
+                yield line
 
     def _write(
         self, messages: Iterator[tuple[str, bytes | memoryview]], time_ns: int, state: dict[str, Any]

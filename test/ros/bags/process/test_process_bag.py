@@ -35,7 +35,9 @@ from recordings import (
 )
 
 from svdm_core import MatcherParameters, StereoMatcher
+from svdm_ros.bags.process.processing import Job, process
 from svdm_ros.bags.reading.recording import open_recording
+from svdm_ros.calibration.stereo_calibration import CameraCalibration, StereoCalibration
 from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.messages import disparity_image, rclpy_types
 from svdm_ros.frames.views import StereoFrame
@@ -258,34 +260,59 @@ def test_51_real_pairs_give_51_disparities_and_the_same_bytes_from_any_storage(k
     assert all(one == found[0] for one in found[1:])
 
 
-def test_raw_images_are_rectified_where_that_is_asked_for_and_told_where_not(run, tmp_path):
-    """Real cameras with a distortion: depth and the rectified image of the bag are those of the rectified pair."""
-    size, focal, baseline = (188, 120), 109.0, 0.11
-    lens = [-0.28, 0.07, 0.0002, 1e-5]
-    k = [114.5, 114.2, 92.0, 62.0]
-    infos = {side: planes.camera_info(size, 'plumb_bob', lens, k, turn, (focal, 92.5, 61.2, shift))
-             for side, turn, shift in (('left', (0.012, -0.025, 0.008), 0.0),
-                                       ('right', (-0.01, 0.02, -0.015), -focal * baseline))}
+RAW_SIZE, RAW_FOCAL, RAW_BASELINE = (188, 120), 109.0, 0.11
+
+
+def raw_infos():
+    """Of two cameras with a distortion, turned a little."""
+    lens, k = [-0.28, 0.07, 0.0002, 1e-5], [114.5, 114.2, 92.0, 62.0]
+    return {side: planes.camera_info(RAW_SIZE, 'plumb_bob', lens, k, turn, (RAW_FOCAL, 92.5, 61.2, shift))
+            for side, turn, shift in (('left', (0.012, -0.025, 0.008), 0.0),
+                                      ('right', (-0.01, 0.02, -0.015), -RAW_FOCAL * RAW_BASELINE))}
+
+
+def raw_recording(path, with_infos):
     entries = []
     for index in range(2):
-        for side, info in infos.items():
+        for side, info in raw_infos().items():
             message = recordings.camera_info(side, stamp(index))
             for name in ('width', 'height', 'distortion_model'):
                 setattr(message, name, getattr(info, name))
             for name in 'dkrp':
                 setattr(message, name, np.array(getattr(info, name), np.float64).ravel())
-            entries.append((f'/{side}/camera_info', stamp(index), message))
+            entries += [(f'/{side}/camera_info', stamp(index), message)] * with_infos
             pixels = planes.render(info, raw=True)[0]
             entries.append((f'/{side}/image_raw', stamp(index), recordings.image(pixels, stamp(index))))
-    bag = write(tmp_path / 'raw_bag', entries)
+    return write(path, entries)
+
+
+def median_error(depth):
+    truth = planes.render(raw_infos()['left'], raw=False)[1]
+    return np.median((np.abs(values(depth, None) - truth) / truth)[8:-8, 40:-8])
+
+
+def test_raw_images_are_rectified_where_that_is_asked_for_and_told_where_not(run, tmp_path):
+    bag = raw_recording(tmp_path / 'raw_bag', with_infos=True)
     topics = ('--left', '/left/image_raw', '--right', '/right/image_raw', '--set', 'num_disparities=32')
-    told = run(bag, *topics)
-    assert 'input' in told
+    assert 'input' in run(bag, *topics)
     shutil.rmtree(tmp_path / 'out')
     told = run(bag, *topics, 'input=raw', '--outputs', 'depth,rectified')
     assert 'in 2 pairs' not in told
-    truth = planes.render(infos['left'], raw=False)[1]
     [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
-    error = np.abs(values(depth, None) - truth)[8:-8, 40:-8] / truth[8:-8, 40:-8]
-    assert np.median(error) < 0.02
+    assert median_error(depth) < 0.02
     assert len(messages_of(tmp_path / 'out', '/left/image_rect')) == 2
+
+
+def test_the_calibration_of_raw_cameras_rectifies_their_images(tmp_path):
+    def camera(info):
+        return CameraCalibration(RAW_SIZE, *(np.array(value, float).reshape(shape) for value, shape in (
+            (info.k, (3, 3)), (info.d, -1), (info.r, (3, 3)), (info.p, (3, 4)))))
+
+    bag = raw_recording(tmp_path / 'raw_bag', with_infos=False)
+    calibration = StereoCalibration(*map(camera, raw_infos().values()), 'a test', is_rectified=False)
+    parameters = NodeParameters().replace({'num_disparities': 32})
+    summary = process(Job(bag, tmp_path / 'out', parameters, '/left/image_raw', '/right/image_raw',
+                          outputs=('depth',), calibration=calibration))
+    assert summary.exit_code == 0 and not summary.progress.notes
+    [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
+    assert median_error(depth) < 0.02
