@@ -28,7 +28,7 @@ NODE_ARGUMENTS: Arguments = {
     'approximate_sync_tolerance': ('', 'largest stamp difference of a pair in s; empty: as params_file has it'),
     'input': ('', 'raw: the node rectifies left/image_raw and right/image_raw; empty: as params_file has it'),
     'transport': ('', 'compressed: the node subscribes to <image topic>/compressed; empty: as params_file has it'),
-    'layout': ('', 'side_by_side: one image_raw holds both views; empty: as params_file has it'),
+    'layout': ('', 'side_by_side: one image holds both views; empty: as params_file has it'),
 }
 """How a node works."""
 
@@ -40,7 +40,7 @@ CAMERA_ARGUMENTS: Arguments = {
     'right_image': ('', 'topic of the right image; empty: <right_namespace>/image_rect, or image_raw with input:=raw'),
     'left_info': ('', 'topic of the left camera_info; empty: <left_namespace>/camera_info'),
     'right_info': ('', 'topic of the right camera_info; empty: <right_namespace>/camera_info'),
-    'image': ('', 'topic of the one image that holds both views; empty: image_raw'),
+    'image': ('', 'topic of the one image that holds both views; empty: image_rect, or image_raw with input:=raw'),
 }
 """Where its camera is."""
 
@@ -204,7 +204,7 @@ def _remappings(given: Given, raw: bool) -> list[tuple[str, str]]:
         rules += _image_rules(f'{side}/{name}', given[f'{side}_image'] or f'{namespace}/{name}')
         rules.append((f'{side}/camera_info', given[f'{side}_info'] or f'{namespace}/camera_info'))
     if given['image']:
-        rules += _image_rules('image_raw', given['image'])
+        rules += _image_rules(name, given['image'])
     return rules
 
 

@@ -104,6 +104,9 @@ class RectificationCache:
         return self._rectification
 
 
+_COEFFICIENTS_SHOWN = 14
+
+
 def unrectified_line(info: CameraInfo, topic: str) -> str:
     """One line for images that are matched as rectified but look raw; empty where nothing speaks against them.
 
@@ -112,8 +115,8 @@ def unrectified_line(info: CameraInfo, topic: str) -> str:
     """
     r = _floats(info.r)
     found = []
-    if any(value != 0 for value in info.d):
-        found.append(f'D is [{_cut(", ".join(f"{value:g}" for value in info.d))}]')
+    if len(info.d) and np.any(np.asarray(info.d) != 0):
+        found.append(f'D is [{_cut(", ".join(f"{value:g}" for value in info.d[:_COEFFICIENTS_SHOWN]))}]')
     if any(r) and not np.allclose(r, np.eye(3).ravel(), rtol=0, atol=_IDENTITY_ERROR):
         found.append('R is not the identity')
     if not found or _RECTIFIED_NAME.search(topic):

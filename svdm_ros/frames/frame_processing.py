@@ -31,19 +31,20 @@ class ProcessedFrame:
 
 
 class FrameProcessor:
-    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library.
+    """Holds the matcher. Everything here must be called from one and the same thread; messages of any library."""
 
-    rectification: what it found may be read from any thread.
-    """
-
-    def __init__(self, on_compiling: Callable[[str], None] = lambda _: None) -> None:
-        """on_compiling: told before a frame that has to compile kernels first, with what they are for."""
+    def __init__(
+        self, on_compiling: Callable[[str], None] = lambda _: None, rectification: RectificationCheck | None = None
+    ) -> None:
+        """on_compiling: told before a frame that has to compile kernels first, with what they are for. rectification:
+        looks at pairs; what it found may be read from any thread.
+        """
         self._on_compiling = on_compiling
         self._matcher: StereoMatcher | None = None
         self._threads = 0
         self._views = Views()
         self._temporal = TemporalFilter()
-        self.rectification = RectificationCheck()
+        self._rectification = rectification
 
     def warm_up(self, parameters: NodeParameters) -> None:
         """Compile what `parameters` need for 8-bit images, or load it from the cache of an earlier run."""
@@ -60,14 +61,15 @@ class FrameProcessor:
             raise FrameError('not prepared', f'pair dropped: {error}') from error
         matching, problem = search_range(pair.geometry, parameters)
         parameters = dataclasses.replace(parameters, matcher=matching)
-        searched = (matching.min_disparity, matching.min_disparity + matching.num_disparities - 1)
-        self.rectification.look(pair.left, pair.right, searched, frame.arrived)
+        setting = parameters.matcher, pair.geometry, parameters.region, parameters.downscale, frame.raw
+        if self._rectification is not None:
+            searched = (matching.min_disparity, matching.min_disparity + matching.num_disparities - 1)
+            self._rectification.look(pair.left, pair.right, searched, frame.arrived, setting[1:])
         result = self._match(pair, parameters)
         known = known_pixels(result, pair.geometry, parameters)
-        disparity, step = result.disparity, result.step
-        if parameters.temporal_filter > 0:
-            disparity = self._temporal(disparity, known, parameters.temporal_filter, (parameters.matcher, whole))
-            step = 0.0
+        weight = parameters.temporal_filter
+        disparity = self._temporal(result.disparity, known, weight, frame.arrived, setting)
+        step = 0.0 if weight > 0 else result.step
         matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, known, step, pair.geometry,
                                parameters)
         return ProcessedFrame(matched, result.timings, '; '.join(filter(None, (whole.problem, problem, pair.note))))

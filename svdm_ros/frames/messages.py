@@ -66,7 +66,7 @@ def disparity_image(frame: MatchedFrame, types: MessageTypes) -> Any:
     where that can be any float32, their spacing at the far end of the range.
     """
     smallest, largest = frame.limits
-    filled = frame.parameters.publish_filled
+    filled = frame.parameters.publish_filled and frame.parameters.confidence_threshold == 0
     return types.disparity_image(
         header=frame.header,
         image=image_message(frame.published, '32FC1', frame.header, types),

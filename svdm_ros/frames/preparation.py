@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ..node.parameter_set import NodeParameters
 
 _MOST_DISPARITIES = 1024
+_BEYOND = 1e6  # px, as good as infinite
 
 
 class PreparedPair(NamedTuple):
@@ -54,8 +55,7 @@ def prepare(
         exposure = exposure_of(left, right)
         right = matched(right, exposure)
         if exposure.differs_much(np.iinfo(left.dtype).max):
-            note = (f'the right image differs from the left in exposure (gain {exposure.gain:.2f}, offset '
-                    f'{exposure.offset:.0f} grey levels), which exposure_match evens out: synchronize the exposures')
+            note = ('the exposures of the two images differ much, which exposure_match evens out: synchronize them')
     return PreparedPair(left, right, geometry, note)
 
 
@@ -75,7 +75,8 @@ def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[
     if distance == 0:
         return parameters.matcher, 'min_depth is not used, as the focal length or the baseline is not known'
     start = parameters.matcher.min_disparity
-    wanted = math.ceil(distance / parameters.min_depth + geometry.principal_offset) - start + 1
+    largest = min(distance / parameters.min_depth + geometry.principal_offset, _BEYOND)
+    wanted = math.ceil(largest) - start + 1
     count = min(max(wanted, 1), _MOST_DISPARITIES)
     problem = '' if wanted == count else (
         f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and '

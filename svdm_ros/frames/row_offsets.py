@@ -221,6 +221,10 @@ def _alike(places: NDArray[np.intp], offsets: Floats) -> NDArray[np.float64]:
     return wanted[far <= max(_FAR, _SPREADS * float(np.median(far)))]
 
 
+_LATE = 4
+"""Periods after which a measurement is old."""
+
+
 class RectificationCheck:
     """Measures a pair now and then, and says when the cameras are not rectified, or no longer.
 
@@ -231,22 +235,31 @@ class RectificationCheck:
         """period: least time between two measurements, s."""
         self._period = period
         self._next = -math.inf
-        self._shape: tuple[int, ...] = ()
+        self._looked = -math.inf
+        self._setting: object = None
         self._results: tuple[RowOffsets | None, ...] = ()
 
-    def look(self, left: NDArray[Any], right: NDArray[Any], search: tuple[int, int], now: float) -> None:
-        """Measure the pair if it is time to; `now` in s, of a clock that runs evenly. The rest: see `row_offsets`."""
-        if now < self._next:
+    def look(
+        self, left: NDArray[Any], right: NDArray[Any], search: tuple[int, int], now: float, setting: object = None
+    ) -> None:
+        """Measure the pair if it is time to; `now` in s, of a clock that runs evenly. The rest: see `row_offsets`.
+
+        Where the size of the images changes, or the `setting`, what was measured before counts no more.
+        """
+        setting = left.shape[:2], setting
+        if setting == self._setting and now < self._next:
             return
-        self._next = now + self._period
-        before = self._results if left.shape[:2] == self._shape else ()  # px of another size are other px
-        self._shape = left.shape[:2]
+        before = self._results if setting == self._setting else ()
+        self._setting, self._looked, self._next = setting, now, now + self._period
         self._results = (*before, row_offsets(left, right, search))[-_KEPT:]
 
-    def line(self) -> str:
-        """What is wrong and what to do; empty: nothing, or fewer than 3 of the last 5 pairs could be measured."""
+    def line(self, now: float) -> str:
+        """What is wrong and what to do; empty: nothing, nothing of late, or fewer than 3 of the last 5 pairs could be
+        measured."""
         found, pooled = self._pooled()
-        if found < _ENOUGH or (abs(pooled.median) <= _MEDIAN_ALLOWED and pooled.p90 <= _P90_ALLOWED):
+        if now - self._looked > _LATE * self._period or found < _ENOUGH:
+            return ''
+        if abs(pooled.median) <= _MEDIAN_ALLOWED and pooled.p90 <= _P90_ALLOWED:
             return ''
         where = 'lower' if pooled.median > 0 else 'higher'
         return (f'rows do not correspond: features are {abs(pooled.median):.2f} px {where} in the right image in the '

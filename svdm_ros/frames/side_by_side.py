@@ -36,16 +36,17 @@ def half_info(info: CameraInfo, side: Literal['left', 'right'], width: int, heig
     if roi.x_offset or roi.y_offset or roi.width not in (0, info.width) or roi.height not in (0, info.height):
         raise ValueError(f'camera_info has a roi of {roi.width}x{roi.height} px at ({roi.x_offset}, {roi.y_offset}) in '
                          'an image of both views, it must be the whole image or 0: correct the roi')
-    shift = half if side == 'right' and _centre(info) >= half else 0
-    if not 0 <= _centre(info) - shift < half:
+    def own_part(centre: float) -> float:
+        return centre - half if side == 'right' and centre >= half else centre
+
+    if not 0 <= own_part(_centre(info)) < half:
         raise ValueError(f'camera_info of the {side} half has c_x = {_centre(info):g} px, it must be within the half, '
                          f'which is {half} px wide: give the calibration of each half')
     own = copy.deepcopy(info)
     own.width = half
     if roi.width:
         own.roi.width = half
-    own.k[2] -= shift
-    own.p[2] -= shift
+    own.k[2], own.p[2] = own_part(float(own.k[2])), own_part(float(own.p[2]))
     return own
 
 

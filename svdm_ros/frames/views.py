@@ -95,11 +95,21 @@ def _halves(frame: StereoFrame) -> tuple[View, View]:
     height, width = whole.pixels.shape[:2]
     try:
         left, right = (cast(Pixels, half) for half in halves(whole.pixels))
-        left_info = frame.left_info and half_info(frame.left_info, 'left', width, height)
-        right_info = frame.right_info and half_info(frame.right_info, 'right', width, height)
     except ValueError as error:
         raise FrameError('unreadable', f'side-by-side image dropped: {error}') from error
+    left_info, right_info = (info and _info_of_half(info, side, width, height) for info, side in _infos(frame))
     return whole._replace(pixels=left, info=left_info), whole._replace(pixels=right, info=right_info)
+
+
+def _infos(frame: StereoFrame) -> tuple[tuple[CameraInfo | None, Side], ...]:
+    return (frame.left_info, 'left'), (frame.right_info, 'right')
+
+
+def _info_of_half(info: CameraInfo, side: Side, width: int, height: int) -> CameraInfo:
+    try:
+        return half_info(info, side, width, height)
+    except ValueError:
+        return info  # whoever uses it tells what is wrong with it
 
 
 class _Decoded(NamedTuple):

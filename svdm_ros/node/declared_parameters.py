@@ -22,8 +22,8 @@ _ELSEWHERE = {
     'approximate_sync': 'approximate_sync_tolerance',
     'approximate_sync_tolerance_seconds': 'approximate_sync_tolerance',
     'disparity_range': 'num_disparities', 'disp12_max_diff': 'tau_lr', 'P1': 'p1', 'P2': 'p2', 'sgbm_mode': 'paths',
-    'speckle_range': 'speckle_size', 'stereo_algorithm': 'aggregation', 'correlation_window_size': 'aggregation',
-    'texture_threshold': 'confidence_threshold', 'uniqueness_ratio': 'confidence_threshold',
+    'stereo_algorithm': 'aggregation', 'correlation_window_size': 'aggregation',
+    'uniqueness_ratio': 'confidence_threshold',
 }
 """Parameters of stereo_image_proc's disparity_node, and what serves the same purpose here."""
 

@@ -1,9 +1,11 @@
 """The disparity node: left and right image_rect and camera_info in, disparity, depth, points and more out."""
 from __future__ import annotations
 
+import contextlib
 import time
 import traceback
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -18,6 +20,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from ..calibration.rectification import unrectified_line
 from ..frames.frame_processing import FrameProcessor
 from ..frames.outputs import OUTPUTS
+from ..frames.row_offsets import RectificationCheck
 from ..frames.stereo_pairing import SideName, StereoPairer
 from ..frames.views import FrameError, StereoFrame
 from .declared_parameters import DeclaredParameters, unknown_parameter_line
@@ -63,6 +66,7 @@ class DisparityNode(Node):
         self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(SIDES)
         self._pairer: StereoPairer[AnyImage] = StereoPairer()
         self._wired = False
+        self._unpaired_before: Counter[SideName] = Counter()
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
         self._use_parameters(self._settings.current)
@@ -77,7 +81,8 @@ class DisparityNode(Node):
                                          self._report_incompatible, self._heed_listeners)
         self._outputs.adapt(self._settings.current)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
-        self._processor = FrameProcessor(on_compiling=self._report_compiling)
+        self._rectification = RectificationCheck()
+        self._processor = FrameProcessor(self._report_compiling, self._rectification)
         self._worker: Worker[StereoFrame] = Worker(
             self._warm_up, self._process, self._statistics.count_drop, self._report_failure,
             lambda: self._settings.current.period
@@ -119,7 +124,7 @@ class DisparityNode(Node):
     def _ask_for_latched_info(self, side: SideName) -> None:
         """What was latched before this node came reaches only who asks for it, and who asks gets nothing else."""
         name = f'{side}/camera_info'
-        publishers = self.get_publishers_info_by_topic(self.resolve_topic_name(name))
+        publishers = self.get_publishers_info_by_topic(name)
         if side not in self._latched_infos and any(map(is_latched, publishers)):
             self._latched_infos.add(side)
             self.create_subscription(CameraInfo, name, partial(self._take_info, side), latched_qos(),
@@ -129,13 +134,19 @@ class DisparityNode(Node):
         return self.resolve_topic_name(self._topics.name(side))
 
     def _subscribe_to_images(self) -> None:
-        self._watchdog = Watchdog(self._image_topic('left'), self._image_topic('right'), time.monotonic())
+        self._watchdog = Watchdog(self._image_topic('left'), self._image_topic('right'), time.monotonic(),
+                                  names=(self._topics.name('left'), self._topics.name('right')))
         kind = CompressedImage if self._topics.transport == 'compressed' else Image
         takers: dict[str, Callable[[AnyImage], None]] = {
             self._topics.name(side): partial(self._take_image, side) for side in SIDES}
         if self._topics.together:
             takers = {self._topics.name('left'): self._take_both}
-        self._image_subscriptions = [self._subscribe(kind, name, take) for name, take in takers.items()]
+        try:
+            for name, take in takers.items():
+                self._image_subscriptions.append(self._subscribe(kind, name, take))
+        except ValueError:
+            self._leave_images()
+            raise
 
     def _leave_images(self) -> None:
         for subscription in self._image_subscriptions:
@@ -146,7 +157,8 @@ class DisparityNode(Node):
         """Take images while somebody listens, and none while nobody does."""
         listeners = self._outputs.have_listeners()
         if listeners and not self._image_subscriptions:
-            self._subscribe_to_images()
+            with self._complaining('topics'):
+                self._subscribe_to_images()
         elif not listeners and self._image_subscriptions:
             self._leave_images()
 
@@ -168,8 +180,10 @@ class DisparityNode(Node):
         topics = ImageTopics.of(parameters)
         if self._wired and topics != self._topics:
             self._leave_images()
+            self._unpaired_before.update(self._pairer.unpaired)
             self._topics, self._pairer = topics, StereoPairer(parameters.tolerance_ns, parameters.queue_size)
-            self._outputs.adapt(parameters)
+            with self._complaining('topics'):
+                self._outputs.adapt(parameters)
             self._heed_listeners()
 
     # Callbacks of the executor's thread
@@ -199,8 +213,8 @@ class DisparityNode(Node):
                                         raw=self._topics.input == 'raw'))
 
     def _watch(self) -> None:
-        for side, total in self._pairer.unpaired.items():
-            self._statistics.set_dropped(f'unpaired {side}', total)
+        for side, count in self._pairer.unpaired.items():
+            self._statistics.set_dropped(f'unpaired {side}', count + self._unpaired_before[side])
         counts = self._statistics.snapshot()
         self._heed_listeners()
         line = None if not self._image_subscriptions else self._watchdog.check(time.monotonic(), Traffic(
@@ -213,7 +227,7 @@ class DisparityNode(Node):
             tolerance_ns=self._pairer.tolerance_ns,
             hint=lambda: other_topics_hint(self._topics, self._types_on),
         ))
-        rows = self._processor.rectification.line()
+        rows = self._rectification.line(time.monotonic())
         if line is None and rows and self._image_subscriptions:
             line = Line('rows', rows)
         if line is not None:
@@ -228,19 +242,18 @@ class DisparityNode(Node):
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
             trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
-            more=self._processor.rectification.values(),
+            more=self._rectification.values(),
         ))
 
     def _types_on(self, name: str) -> set[str]:
-        return {info.topic_type for info in self.get_publishers_info_by_topic(self.resolve_topic_name(name))}
+        return {info.topic_type for info in self.get_publishers_info_by_topic(name)}
 
     def _look_at_infos(self) -> None:
-        """Ask for those that are missing; tell where they say that images are not rectified."""
+        """Ask for those that are latched; tell where they say that images are not rectified."""
         for side in SIDES:
+            self._ask_for_latched_info(side)
             info = self._infos[side]
-            if info is None:
-                self._ask_for_latched_info(side)
-            elif self._topics.input == 'rectified' and self._image_subscriptions:
+            if info is not None and self._topics.input == 'rectified' and self._image_subscriptions:
                 line = unrectified_line(info, self._image_topic(side))
                 if line:
                     self._complain(Line(f'unrectified {side}', line))
@@ -282,6 +295,14 @@ class DisparityNode(Node):
             self.report_defect('warm-up cut short, the first pairs take longer', error)
 
     # Log lines, from any thread
+
+    @contextlib.contextmanager
+    def _complaining(self, kind: str) -> Iterator[None]:
+        """A ValueError becomes a line, and the node goes on."""
+        try:
+            yield
+        except ValueError as error:
+            self._complain(Line(kind, str(error)))
 
     def _complain(self, line: Line) -> None:
         self._trouble = (time.monotonic(), line.text)

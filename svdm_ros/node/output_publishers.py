@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import functools
 import importlib
-from collections.abc import Callable, Iterator
+import threading
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
 
@@ -31,6 +32,7 @@ class OutputPublishers:
         self._node, self._opening = node, opening
         self._on_incompatible, self._on_listeners = on_incompatible, on_listeners
         self._publishers: dict[Output, Publisher] = {}
+        self._lock = threading.Lock()
 
     def adapt(self, parameters: NodeParameters) -> None:
         """Have publishers for the outputs that there are under these parameters."""
@@ -38,7 +40,8 @@ class OutputPublishers:
             if output.when(parameters) and output not in self._publishers:
                 self._publishers[output] = self._publisher(output)
             elif not output.when(parameters) and output in self._publishers:
-                self._node.destroy_publisher(self._publishers.pop(output))
+                with self._lock:
+                    self._node.destroy_publisher(self._publishers.pop(output))
 
     def _publisher(self, output: Output) -> Publisher:
         topic = self._node.resolve_topic_name(output.topic)
@@ -50,17 +53,21 @@ class OutputPublishers:
                 _message_class(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=events)
 
-    def wanted(self) -> Iterator[tuple[Output, Publisher]]:
-        """The outputs that somebody listens to."""
-        publishers = tuple(self._publishers.items())  # parameters may change meanwhile
-        return ((output, publisher) for output, publisher in publishers if publisher.get_subscription_count())
-
     def have_listeners(self) -> bool:
-        return any(True for _ in self.wanted())
+        return any(map(self._is_wanted, OUTPUTS))
 
     def publish(self, frame: MatchedFrame) -> None:
-        for output, publisher in self.wanted():
-            publisher.publish(output.make(frame, rclpy_types()))
+        """From the worker's thread; `adapt` is called from another."""
+        for output in OUTPUTS:
+            if output.when(frame.parameters) and self._is_wanted(output):
+                message = output.make(frame, rclpy_types())
+                with self._lock:
+                    if output in self._publishers:
+                        self._publishers[output].publish(message)
+
+    def _is_wanted(self, output: Output) -> bool:
+        with self._lock:
+            return output in self._publishers and self._publishers[output].get_subscription_count() > 0
 
 
 def _message_class(name: str) -> type:

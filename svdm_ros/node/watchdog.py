@@ -38,7 +38,12 @@ class Traffic:
 class Watchdog:
     """Says what is missing once it has been missing for `patience` seconds while the rest was there."""
 
-    def __init__(self, left_topic: str, right_topic: str, now: float, patience: float = 5.0) -> None:
+    def __init__(
+        self, left_topic: str, right_topic: str, now: float, patience: float = 5.0,
+        names: tuple[str, str] = ('left/image_rect', 'right/image_rect'),
+    ) -> None:
+        """names: the topics' names before they are remapped. Both topics are one where an image holds both views."""
+        self._names = names
         self._left_topic = left_topic
         self._right_topic = right_topic
         self._patience = patience
@@ -74,23 +79,26 @@ class Watchdog:
         return now - max(self._last_came[name], since) >= self._patience
 
     def _nothing(self, traffic: Traffic) -> str:
+        topics = dict.fromkeys([self._left(traffic), self._right(traffic)])
         if traffic.left_publishers or traffic.right_publishers:
             return (
-                f'no images for {self._patience:g} s, though there are publishers on {self._left(traffic)} and '
-                f'{self._right(traffic)}: check that they run and that large messages get through'
+                f'no images for {self._patience:g} s, though there are publishers on {" and ".join(topics)}: check '
+                'that they run and that large messages get through'
             )
+        topics = dict.fromkeys([self._left_topic, self._right_topic])
+        remaps = ' '.join(f'-r {name}:=...' for name in dict.fromkeys(self._names))
         return (
-            f'no images for {self._patience:g} s, nobody publishes on {self._left_topic} and {self._right_topic}: '
-            'start the cameras, or remap with --ros-args -r left/image_rect:=... -r right/image_rect:=...'
+            f'no images for {self._patience:g} s, nobody publishes on {" and ".join(topics)}: start the cameras, or '
+            f'remap with --ros-args {remaps}'
         )
 
     def _one_side(self, traffic: Traffic, silent: str) -> str:
-        there, missing = (self._right_topic, self._left(traffic))
+        there, missing, name = self._right_topic, self._left(traffic), self._names[0]
         if silent == 'right':
-            there, missing = (self._left_topic, self._right(traffic))
+            there, missing, name = self._left_topic, self._right(traffic), self._names[1]
         return (
             f'images on {there} but none for {self._patience:g} s on {missing}: start that camera, or remap with '
-            f'--ros-args -r {silent}/image_rect:=...'
+            f'--ros-args -r {name}:=...'
         )
 
     def _apart(self, traffic: Traffic) -> str:

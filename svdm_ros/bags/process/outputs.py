@@ -35,7 +35,9 @@ class Outputs:
         own += [(name, CAMERA_INFO) for name in self._info_names] if self.calibrated else []
         for name, _ in own:
             if name in self.copied:
-                raise ValueError(f'{name} is a topic of the recording and one of the results: leave out --copy-inputs')
+                images = name in (self.topics.left, self.topics.right)
+                remedy = 'leave out --copy-inputs' if images else 'leave out the output that has it'
+                raise ValueError(f'{name} is a topic of the recording and one of the results: {remedy}')
         copies = [recording.topics[name] for name in sorted(self.copied)]
         return [*(OutputTopic(name, kind, ROS2) for name, kind in own),
                 *(OutputTopic(topic.name, topic.message_type, recording.typestore, topic.qos) for topic in copies)]

@@ -15,7 +15,7 @@ from ...frames.frame_processing import FrameProcessor
 from ...frames.views import FrameError, StereoFrame
 from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
-from ..reading.recorded_frames import as_image
+from ..reading.recorded_frames import as_image, stamp_ns
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
 from ..reading.stereo_topics import StereoTopics, find_stereo_topics
 from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
@@ -169,7 +169,7 @@ class _Run:
         try:
             left = as_image(pair.left.message, pair.left.message_type, 'left')
             right = as_image(pair.right.message, pair.right.message_type, 'right')
-            frame = StereoFrame(left, right, pair.left_info, pair.right_info, arrived=0.0,
+            frame = StereoFrame(left, right, pair.left_info, pair.right_info, stamp_ns(left) / 1e9,
                                 raw=self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
             result = self._processor.process(frame, self._job.parameters)
         except FrameError as error:
@@ -178,6 +178,8 @@ class _Run:
         progress.disparities += 1
         self._matched += 1
         self._matcher_ms += result.timings['total']
+        if frame.raw and self._job.parameters.input != 'raw':
+            progress.notes['the images were rectified by the calibration given'] += 1
         if not frame.raw:
             progress.notes.update(self._unrectified(pair))
         if result.geometry_problem:
@@ -213,7 +215,7 @@ class _Run:
 
 def _topics(job: Job, recording: Recording) -> StereoTopics:
     try:
-        topics = find_stereo_topics(recording.topics, job.left, job.right)
+        topics = find_stereo_topics(recording.topics, job.left, job.right, job.parameters.input == 'raw')
     except RecordingError as error:
         raise RecordingError(f'{job.input}: {error}') from None
     return dataclasses.replace(topics, left_info=None, right_info=None) if job.calibration else topics
@@ -237,13 +239,16 @@ def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
         'parameters': parameters,
         '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs,
         '--outputs': list(job.outputs), '--calib': _matrices(job.calibration),
+        **({'begun, as the past of temporal_filter is not kept': time.time_ns()}
+           if job.parameters.temporal_filter > 0 else {}),
     }
 
 
 def _matrices(calibration: StereoCalibration | None) -> list[list[float]] | None:
     if calibration is None:
         return None
-    return [camera.p.ravel().tolist() for camera in (calibration.left, calibration.right)]
+    return [[*(camera.size or ()), *(float(value) for matrix in (camera.k, camera.d, camera.r, camera.p)
+                                     for value in matrix.ravel())] for camera in (calibration.left, calibration.right)]
 
 
 def _as_dict(parameters: NodeParameters) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import PurePosixPath
 
 from .recording import RecordingError, Topic
@@ -33,10 +33,13 @@ class StereoTopics:
         return [name for name in (self.left_info, self.right_info) if name]
 
 
-def find_stereo_topics(topics: Mapping[str, Topic], left: str | None = None, right: str | None = None) -> StereoTopics:
+def find_stereo_topics(
+    topics: Mapping[str, Topic], left: str | None = None, right: str | None = None, raw: bool = False
+) -> StereoTopics:
     """The pair named by `left` and `right`, or the only one there is.
 
-    Of several, rectified images come before others and plain ones before their compressed copies.
+    Of several, rectified images come before others, or after them where `raw` ones are wanted, and plain ones before
+    their compressed copies.
     Raises RecordingError that lists what there is.
     """
     images = {name for name, topic in topics.items() if topic.message_type in (IMAGE, COMPRESSED) and topic.count}
@@ -45,7 +48,7 @@ def find_stereo_topics(topics: Mapping[str, Topic], left: str | None = None, rig
     if left or right:
         pair = _named(images, left, right)
     else:
-        pair = _only_one(images, [topics[name] for name in sorted(images)])
+        pair = _only_one(images, [topics[name] for name in sorted(images)], _is_unrectified if raw else _is_rectified)
     return StereoTopics(*pair, _info(topics, pair[0]), _info(topics, pair[1]), _ground_truth(topics))
 
 
@@ -60,9 +63,9 @@ def _named(images: set[str], left: str | None, right: str | None) -> tuple[str, 
     return left, right
 
 
-def _only_one(images: set[str], found: list[Topic]) -> tuple[str, str]:
+def _only_one(images: set[str], found: list[Topic], first: Callable[[str], bool]) -> tuple[str, str]:
     pairs = [(name, partner) for name in sorted(images) for partner in _partners(name) if partner in images]
-    for preferred in (_is_rectified, _is_plain):
+    for preferred in (first, _is_plain):
         pairs = [pair for pair in pairs if preferred(pair[0])] or pairs
     if len(pairs) == 1:
         return pairs[0]
@@ -82,6 +85,10 @@ def _partners(name: str) -> list[str]:
 
 def _is_rectified(name: str) -> bool:
     return 'rect' in _without_transport(name).rpartition('/')[2]
+
+
+def _is_unrectified(name: str) -> bool:
+    return not _is_rectified(name)
 
 
 def _is_plain(name: str) -> bool:

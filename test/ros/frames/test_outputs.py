@@ -272,3 +272,16 @@ def test_a_search_that_cannot_reach_infinity_is_told(offset, start, told):
     parameters = NodeParameters(MatcherParameters(min_disparity=start))
     _, problem = search_range(StereoGeometry(500.0, 0.2, offset), parameters)
     assert told in problem and bool(problem) is bool(told)
+
+
+@pytest.mark.parametrize('min_depth', [1e-320, 1e-300, 1e-9])
+def test_a_tiny_min_depth_is_told_in_a_short_line(min_depth):
+    parameters, problem = search_range(StereoGeometry(500.0, 0.2, 1.0), NodeParameters(min_depth=min_depth))
+    assert parameters.num_disparities == 1024 and 'set downscale' in problem and len(problem) < 300
+
+
+def test_the_window_of_what_a_threshold_leaves_is_that_of_the_checked_pixels():
+    parameters = {'confidence_threshold': 0.5}
+    frame = frame_of(np.full((4, 60), 9.0), **parameters)
+    assert made(frame, 'disparity').valid_window.width == made(
+        frame_of(np.full((4, 60), 9.0), publish_filled=False), 'disparity').valid_window.width

@@ -184,7 +184,7 @@ def test_a_pair_in_five_seconds_is_measured(measured):
     look(check, np.arange(100, 112, 0.1))
     assert len(measured) == 9 - 3
     assert check.values() == {'vertical offset (px)': '0.10', 'vertical offset p90 (px)': '0.20', 'features': '150'}
-    assert check.line() == ''
+    assert check.line(112) == ''
 
 
 def test_the_line_comes_with_the_third_result_and_says_what_to_do(measured):
@@ -193,7 +193,7 @@ def test_the_line_comes_with_the_third_result_and_says_what_to_do(measured):
     lines = []
     for now in range(3):
         look(check, [now])
-        lines.append(check.line())
+        lines.append(check.line(now))
     assert lines == ['', '', (
         'rows do not correspond: features are 1.25 px higher in the right image in the median (0.5 is allowed), 90 % '
         'of them at most 2.00 px off (1.5 is allowed; 120 features of 3 pairs): check that the images are rectified '
@@ -206,7 +206,7 @@ def test_either_bound_is_enough(measured, median, p90, said):
     check = RectificationCheck(period=1.0)
     measured.extend([RowOffsets(median, p90, 40)] * 3)
     look(check, range(3))
-    assert bool(check.line()) == said
+    assert bool(check.line(2)) == said
 
 
 def test_one_wrong_result_changes_nothing_and_old_ones_go(measured):
@@ -215,7 +215,7 @@ def test_one_wrong_result_changes_nothing_and_old_ones_go(measured):
     said = []
     for now in range(7):
         look(check, [now])
-        said.append(bool(check.line()))
+        said.append(bool(check.line(now)))
     assert said == [False] * 6 + [True]
 
 
@@ -223,11 +223,11 @@ def test_pairs_that_say_nothing_push_old_results_out(measured):
     check = RectificationCheck(period=1.0)
     measured.extend([RowOffsets(5.0, 5.0, 40)] * 3)
     look(check, range(5))
-    assert check.line() and check.values()
+    assert check.line(4) and check.values()
     look(check, [5])
-    assert not check.line() and check.values()['features'] == '80'
+    assert not check.line(5) and check.values()['features'] == '80'
     look(check, range(6, 8))
-    assert not check.line() and check.values() == {}
+    assert not check.line(7) and check.values() == {}
 
 
 def test_another_size_begins_anew(measured):
@@ -235,7 +235,22 @@ def test_another_size_begins_anew(measured):
     measured.extend([RowOffsets(5.0, 5.0, 40)] * 4)
     look(check, range(3))
     look(check, [3], IMAGE[:40])
-    assert not check.line() and check.values()['features'] == '40'
+    assert not check.line(3) and check.values()['features'] == '40'
+
+
+def test_another_setting_begins_anew(measured):
+    check = RectificationCheck(period=1.0)
+    measured.extend([RowOffsets(5.0, 5.0, 40)] * 4)
+    look(check, range(3))
+    check.look(IMAGE, IMAGE, SEARCH, 2.1, 'raw')
+    assert not check.line(2.1) and check.values()['features'] == '40'
+
+
+def test_what_was_measured_long_ago_is_no_longer_told(measured):
+    check = RectificationCheck(period=1.0)
+    measured.extend([RowOffsets(5.0, 5.0, 40)] * 3)
+    look(check, range(3))
+    assert check.line(5) and not check.line(7)
 
 
 def test_a_turned_camera_is_told():
@@ -243,7 +258,7 @@ def test_a_turned_camera_is_told():
     pair = rendered(turn=1.5)
     for now in range(3):
         check.look(*pair, SEARCH, now)
-    assert check.line().startswith('rows do not correspond: features are 0.')
+    assert check.line(2).startswith('rows do not correspond: features are 0.')
 
 
 # In the processor of frames
@@ -256,14 +271,15 @@ def mono(pixels):
 
 def test_the_processor_measures_what_it_matches():
     """Shrunk images have smaller offsets."""
-    processor = FrameProcessor()
+    check = RectificationCheck()
+    processor = FrameProcessor(rectification=check)
     parameters = NodeParameters().replace({'num_disparities': 32, 'downscale': 2})
     left, right = map(mono, rendered(3.0))
-    assert processor.rectification.values() == {}
+    assert check.values() == {}
     for arrived in (10.0, 11.0, 15.5, 21.0):
         processor.process(StereoFrame(left, right, None, None, arrived), parameters)
-    assert float(processor.rectification.values()['vertical offset (px)']) == pytest.approx(1.5, abs=0.1)
-    assert 'px lower in the right image' in processor.rectification.line()
+    assert float(check.values()['vertical offset (px)']) == pytest.approx(1.5, abs=0.1)
+    assert 'px lower in the right image' in check.line(21.0)
 
 
 # The real sequence
@@ -280,6 +296,6 @@ def test_the_real_sequence_is_rectified():
         found = row_offsets(left, right, SEARCH)
         assert abs(found.median) < 0.5 and found.p90 < 1.5 and found.features >= 50
         check.look(left, right, SEARCH, index)
-        assert check.line() == ''
+        assert check.line(index) == ''
         lowered = np.roll(right, 2, axis=0)
         assert row_offsets(left, lowered, SEARCH).median == pytest.approx(found.median + 2, abs=0.15)

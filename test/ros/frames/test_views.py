@@ -148,7 +148,7 @@ def test_exposure_match_makes_a_darker_right_image_like_the_left(gain, offset, t
     same, _ = disparity(right)
     evened, problem = disparity(other, exposure_match='gain')
     assert np.mean(np.abs(evened - same) < 1) > 0.98
-    assert ('differs from the left in exposure' in problem) is told
+    assert ('exposures of the two images differ much' in problem) is told
 
 
 def naive_temporal(frames, weight):
@@ -169,10 +169,37 @@ def test_the_temporal_filter_is_a_mean_that_forgets_at_jumps():
     frames = [(np.float32(10 + random.normal(0, 0.4, (6, 7)) + 5 * (n == 6)), random.random((6, 7)) > 0.2)
               for n in range(12)]
     temporal = TemporalFilter()
-    for (disparity, known), expected in zip(frames, naive_temporal(frames, 0.7), strict=True):
-        np.testing.assert_allclose(temporal(disparity, known, 0.7, 'same'), expected, rtol=1e-5)
-    fresh = frames[0]
-    np.testing.assert_array_equal(temporal(*fresh, 0.7, 'another setting'), fresh[0])
+    for now, ((disparity, known), expected) in enumerate(zip(frames, naive_temporal(frames, 0.7), strict=True)):
+        np.testing.assert_allclose(temporal(disparity, known, 0.7, now / 10, 'same'), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize('calls', [
+    [(0.7, 0.0, 'a'), (0.7, 0.1, 'b')], [(0.7, 0.0, 'a'), (0.0, 0.1, 'a'), (0.7, 0.2, 'a')],
+    [(0.7, 0.0, 'a'), (0.7, 1.5, 'a')], [(0.7, 5.0, 'a'), (0.7, 4.9, 'a')]],
+    ids=['another setting', 'off and on', 'a pause', 'time goes back'])
+def test_the_temporal_filter_forgets(calls):
+    temporal, known = TemporalFilter(), np.ones((3, 4), bool)
+    for k, (weight, now, setting) in enumerate(calls):
+        disparity = np.full((3, 4), 10 + 0.3 * k, np.float32)
+        result = temporal(disparity, known, weight, now, setting)
+    np.testing.assert_array_equal(result, disparity)
+
+
+@pytest.mark.parametrize('values', [
+    {'roi': '100, 40, 250, 180'}, {'temporal_filter': 0.0}, {'num_disparities': 60}])
+def test_the_past_ends_where_parameters_change_what_it_means(values):
+    processor, start = FrameProcessor(), {'num_disparities': 64, 'input': 'raw', 'temporal_filter': 0.9,
+                                          'roi': '90, 30, 250, 180'}
+    frame = raw_frame()
+    processor.process(frame, NodeParameters().replace(start))
+    noisy = image_message(np.roll(raw_pixels('right'), 1, axis=1))
+    moved = StereoFrame(frame.left, noisy, frame.left_info, frame.right_info, 0.1, raw=True)
+    changed = NodeParameters().replace({**start, **values})
+    result = processor.process(moved, changed).frame.disparity
+    if values.get('temporal_filter') == 0.0:
+        result = processor.process(moved, NodeParameters().replace(start)).frame.disparity
+        changed = NodeParameters().replace(start)
+    assert result.tobytes() == FrameProcessor().process(moved, changed).frame.disparity.tobytes()
 
 
 def test_the_temporal_filter_makes_a_noisy_wall_steadier():
@@ -183,7 +210,7 @@ def test_the_temporal_filter_makes_a_noisy_wall_steadier():
         noise = np.random.default_rng(n)
         images = (image_message(np.uint8(np.clip(raw_pixels(side) + noise.normal(0, 4, SIZE[::-1]), 0, 255)))
                   for side in ('left', 'right'))
-        frame = StereoFrame(*images, camera('left'), camera('right'), 0.0, raw=True)
+        frame = StereoFrame(*images, camera('left'), camera('right'), n / 10, raw=True)
         maps.append([processor.process(frame, parameters).frame.disparity,
                      processed(frame).frame.disparity])
     smoothed, plain = (np.std([pair[k] for pair in maps[2:]], axis=0)[12:-12, 60:-12] for k in (0, 1))

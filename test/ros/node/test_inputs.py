@@ -40,18 +40,20 @@ def packed(pixels):
 
 def answer_to(client, messages):
     """The disparity of images that are published again and again, topic -> message."""
-    before = len(client.received)
+    seconds = set()
 
     def publish():
         second = client.next_second()
+        seconds.add(second)
         for side in ('left', 'right'):
             client.publish(f'{side}/camera_info', raw_info(side))
         for topic, message in messages.items():
             message.header.stamp.sec = second
             client.publish(topic, message)
 
-    return client.spin_until(lambda: next((message for message in client.received[before:] if message.f > 0), None),
-                             'a disparity', each=publish)
+    return client.spin_until(
+        lambda: next((message for message in client.received if message.header.stamp.sec in seconds and message.f > 0),
+                     None), 'a disparity', each=publish)
 
 
 @pytest.mark.parametrize('values', [
@@ -126,3 +128,17 @@ def test_other_sizes_in_a_row_go_through(client):
         images = random_dots(width=width, height=height)
         message = client.exchange(*map(image_message, images))
         assert (message.image.width, message.image.height) == (width, height)
+
+
+def test_a_topic_that_cannot_be_opened_later_is_told_and_the_node_goes_on(tmp_path):
+    with running_node(tmp_path, '-p', 'num_disparities:=16', '-p',
+                      'qos_overrides./right/image_raw.subscription.reliability:=nonsense') as (node, client):
+        client.wait_for_node()
+        assert client.set_atomically(input='raw').successful
+        client.wait_for_trouble('make no QoS')
+        client.counts()
+        client.counts()
+        assert client.subscribers_of('/left/image_raw') == 0, 'nothing is left of the attempts'
+        assert client.set_atomically(input='rectified').successful
+        client.wait_for_node()
+        assert 'Traceback' not in node.log

@@ -65,3 +65,9 @@ def test_where_there_is_no_single_pair_it_says_what_there_is(there, named, told)
     with pytest.raises(RecordingError, match=told) as caught:
         find_stereo_topics(there, **named)
     assert '\n' not in str(caught.value)
+
+
+def test_raw_images_come_first_where_they_are_wanted():
+    both = topics(image='/left/image_raw /right/image_raw /left/image_rect /right/image_rect')
+    assert find_stereo_topics(both).left == '/left/image_rect'
+    assert find_stereo_topics(both, raw=True).left == '/left/image_raw'
