@@ -60,7 +60,7 @@ class ParameterInfo:
         """`value` in the parameter's own type. Raises ValueError naming parameter, value and what is allowed."""
         converted = _converted(value, self.type)
         if converted is None or not self._holds(converted):
-            unit = f' {self.unit}' if self.unit else ''
+            unit = f' {self.unit}' if self.unit and not self.form else ''
             kind = {int: 'an integer, ', float: 'a number, '}.get(self.type, '')
             shown = converted if isinstance(converted, int) else value  # 4, also where it was given as 4.0
             raise ValueError(f'{self.name} = {shown!r} is not allowed: it must be {kind}{self.allowed}{unit}')

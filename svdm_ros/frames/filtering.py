@@ -39,6 +39,14 @@ def known_pixels(
     return known
 
 
+def nothing_left(parameters: NodeParameters) -> str:
+    """What to look at where no pixel is known."""
+    names = [name for name in ('min_depth', 'max_depth', 'speckle_size', 'confidence_threshold')
+             if getattr(parameters, name) > 0]
+    return (f'no disparity is left in the whole image: look at {", ".join([*names, "num_disparities"])}, and whether '
+            'left and right are swapped')
+
+
 def speckles(disparity: NDArray[np.float32], known: NDArray[np.bool_], size: int) -> NDArray[np.bool_]:
     """bool (H, W): where connected known pixels, each within 1 px of its neighbour, are `size` or fewer."""
     sixteenths = np.where(known, np.rint(_SUBPIXEL * disparity), _UNKNOWN).astype(np.int16)

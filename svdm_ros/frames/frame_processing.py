@@ -10,7 +10,7 @@ import numpy as np
 from svdm_core import DisparityResult, StereoMatcher
 
 from ..calibration.geometry import stereo_geometry
-from .filtering import known_pixels
+from .filtering import known_pixels, nothing_left
 from .matched_frame import MatchedFrame
 from .preparation import PreparedPair, prepare, search_range
 from .row_offsets import RectificationCheck
@@ -58,7 +58,7 @@ class FrameProcessor:
         try:
             pair = prepare(left.pixels, right.pixels, whole, parameters)
         except ValueError as error:
-            raise FrameError('not prepared', f'pair dropped: {error}') from error
+            raise FrameError('not within the image', f'pair dropped: {error}') from error
         matching, problem = search_range(pair.geometry, parameters)
         parameters = dataclasses.replace(parameters, matcher=matching)
         setting = parameters.matcher, pair.geometry, parameters.region, parameters.downscale, frame.raw
@@ -72,7 +72,9 @@ class FrameProcessor:
         step = 0.0 if weight > 0 else result.step
         matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, known, step, pair.geometry,
                                parameters)
-        return ProcessedFrame(matched, result.timings, '; '.join(filter(None, (whole.problem, problem, pair.note))))
+        nothing = '' if known.any() else nothing_left(parameters)
+        notes = whole.problem, problem, pair.note, nothing
+        return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)))
 
     def _match(self, pair: PreparedPair, parameters: NodeParameters) -> DisparityResult:
         matcher = self._matcher_for(parameters)

@@ -79,8 +79,8 @@ def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[
     wanted = math.ceil(largest) - start + 1
     count = min(max(wanted, 1), _MOST_DISPARITIES)
     problem = '' if wanted == count else (
-        f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and '
-        f'1 to {_MOST_DISPARITIES} can be searched: set downscale, min_disparity or another min_depth')
+        f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and {count} of '
+        f'them, from {start} on, are searched: set downscale, min_disparity or another min_depth')
     return dataclasses.replace(parameters.matcher, num_disparities=count), problem or beyond
 
 

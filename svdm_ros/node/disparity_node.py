@@ -66,6 +66,7 @@ class DisparityNode(Node):
         self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(SIDES)
         self._pairer: StereoPairer[AnyImage] = StereoPairer()
         self._wired = False
+        self._compiling = ''
         self._unpaired_before: Counter[SideName] = Counter()
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
@@ -217,7 +218,8 @@ class DisparityNode(Node):
             self._statistics.set_dropped(f'unpaired {side}', count + self._unpaired_before[side])
         counts = self._statistics.snapshot()
         self._heed_listeners()
-        line = None if not self._image_subscriptions else self._watchdog.check(time.monotonic(), Traffic(
+        watching = self._image_subscriptions and self._worker.ready
+        line = None if not watching else self._watchdog.check(time.monotonic(), Traffic(
             left=counts.received['left'],
             right=counts.received['right'],
             pairs=counts.pairs,
@@ -240,7 +242,8 @@ class DisparityNode(Node):
         rate = self._rate.update(counts.published, time.monotonic())
         since, trouble = self._trouble
         self._diagnostics.publish(diagnostic_array(
-            self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate, self._worker.ready,
+            self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate,
+            self._worker.ready and not self._compiling,
             trouble if time.monotonic() - since < _TROUBLE_LASTS else '', idle=not self._image_subscriptions,
             more=self._rectification.values(),
         ))
@@ -270,6 +273,7 @@ class DisparityNode(Node):
     def _process(self, frame: StereoFrame) -> None:
         try:
             done = self._processor.process(frame, self._settings.current)
+            self._say_compiled()
         except FrameError as error:
             self._statistics.count_drop(error.reason)
             self._complain(Line(error.reason, str(error)))
@@ -282,8 +286,14 @@ class DisparityNode(Node):
             self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
 
     def _report_compiling(self, what: str) -> None:
-        text = f'new parameters or images: compiling the kernels for {what}, this frame takes up to a minute'
+        self._compiling = what
+        text = f'new parameters or images: compiling the kernels for {what}, nothing comes out for up to a minute'
         self._say(Line(f'compiling {what}', text))
+
+    def _say_compiled(self) -> None:
+        if self._compiling:
+            self._say(Line(f'compiled {self._compiling}', f'ready: kernels compiled or loaded for {self._compiling}'))
+            self._compiling = ''
 
     def _report_failure(self, error: Exception) -> None:
         if not self.context.ok():

@@ -13,7 +13,7 @@ def markdown_table() -> str:
 
 
 def _row(info: ParameterInfo) -> str:
-    allowed = info.allowed.replace(' | ', ', ') + (f' {info.unit}' if info.unit else '')
+    allowed = info.allowed.replace(' | ', ', ') + (f' {info.unit}' if info.unit and not info.form else '')
     return f'| `{info.name}` | {_short(info.default)} | {allowed} | {info.meaning} |'
 
 

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from svdm_core import MatcherParameters, ParameterInfo, parameter_table
@@ -112,6 +112,7 @@ class NodeParameters:
     num_threads: int = 0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, 'roi', roi_text(self.roi))
         for info in _OWN_TABLE:
             object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
         _region(self.roi)
@@ -144,6 +145,13 @@ class NodeParameters:
         """The value of one parameter by its ROS name."""
         value: Value = getattr(self.matcher if name in _MATCHER_NAMES else self, name)
         return value
+
+
+def roi_text(value: Any) -> Any:
+    """The parameter roi as text, where it is given as a list of integers; anything else as it is."""
+    if isinstance(value, str) or not isinstance(value, Sequence) or not all(isinstance(part, int) for part in value):
+        return value
+    return ', '.join(map(str, value))
 
 
 def _region(roi: str) -> Region | None:

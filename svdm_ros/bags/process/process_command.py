@@ -4,6 +4,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import difflib
 import glob
 import sys
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -14,7 +15,6 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from svdm_core import parameter_info
 from svdm_core.presets import preset_values
 from svdm_core.runtime import configure
 
@@ -171,7 +171,9 @@ def _values(source: str | Path) -> dict[str, Any]:
 
 def _check_known(name: str, table: Mapping[str, Any]) -> None:
     if name not in table:
-        parameter_info(name)  # raises, with the nearest name there is
+        near = difflib.get_close_matches(name, table, n=1)
+        raise ValueError(f'unknown parameter {name[:100]!r}: ' + (
+            f'did you mean {near[0]}?' if near else f'known are {", ".join(table)}'))
 
 
 class _RateColumn(ProgressColumn):

@@ -83,6 +83,9 @@ def process(job: Job, tell: Tell = lambda done, total: None) -> Summary:
         infos = infos_of(job.calibration) if job.calibration else None
         outputs = Outputs(topics, images | frozenset(topics.infos), job.outputs, calibrated=infos is not None)
         start_ns = recording.start_ns + round(job.start_s * 1e9)
+        if start_ns > recording.end_ns:
+            lasts = (recording.end_ns - recording.start_ns) / 1e9
+            raise RecordingError(f'{job.input}: it lasts {lasts:g} s, nothing is left from --start {job.start_s:g} on')
         stop_ns = recording.end_ns if job.duration_s is None else start_ns + round(job.duration_s * 1e9)
         stream = PairStream(recording, topics, job.parameters.tolerance_ns, copied=outputs.copied,
                             start_ns=start_ns, stop_ns=stop_ns, infos=infos)

@@ -1,4 +1,6 @@
 """All outputs of a matched pair agree with each other, and with the geometry, at any scale and in any part."""
+import array
+
 import cv2
 import numpy as np
 import pytest
@@ -285,3 +287,20 @@ def test_the_window_of_what_a_threshold_leaves_is_that_of_the_checked_pixels():
     frame = frame_of(np.full((4, 60), 9.0), **parameters)
     assert made(frame, 'disparity').valid_window.width == made(
         frame_of(np.full((4, 60), 9.0), publish_filled=False), 'disparity').valid_window.width
+
+
+@pytest.mark.parametrize('roi', [[8, 4, 40, 30], (8, 4, 40, 30), array.array('q', [8, 4, 40, 30]), '8 4 40 30'])
+def test_a_region_may_be_a_list_of_integers(roi):
+    assert NodeParameters().replace({'roi': roi}).region == (8, 4, 40, 30)
+
+
+@pytest.mark.parametrize('roi', [[1.5, 2, 3, 4], [1, 2], 7, None])
+def test_another_list_is_refused(roi):
+    with pytest.raises(ValueError, match=r'roi = .* is not allowed: it must be four integers such as'):
+        NodeParameters().replace({'roi': roi})
+
+
+def test_where_nothing_is_left_it_is_told():
+    done = processed(max_depth=0.5)
+    assert not done.frame.known.any()
+    assert 'no disparity is left in the whole image: look at max_depth, num_disparities' in done.geometry_problem
