@@ -12,11 +12,14 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from recordings import ROS2, image, stereo, write
+from recordings import stereo, write
 
 from svdm_ros.bags.process import processing
 from svdm_ros.bags.process_bag import main
 from svdm_ros.bags.writing import partial_bag
+from svdm_ros.calibration.geometry import StereoGeometry
+from svdm_ros.frames.frame_processing import ProcessedFrame
+from svdm_ros.frames.matched_frame import MatchedFrame
 
 STEPS = ('os.rename', 'os.remove', 'os.rmdir', 'os.mkdir', 'open')
 """The events by which Python tells of what changes a folder; os.replace is a rename, os.unlink a remove."""
@@ -25,20 +28,15 @@ STEPS = ('os.rename', 'os.remove', 'os.rmdir', 'os.mkdir', 'open')
 class QuickProcessor:
     """In place of the matcher, whose threads survive no fork: the grey of the left image is its disparity."""
 
-    def __init__(self, _types):
-        pass
-
     def warm_up(self, _parameters):
         pass
 
-    def process(self, frame, _parameters):
+    def process(self, frame, parameters):
         grey = np.frombuffer(frame.left.data, np.uint8).reshape(frame.left.height, frame.left.width)
-        stamp = frame.left.header.stamp
-        pixels = image(grey.astype(np.float32), stamp.sec * 10**9 + stamp.nanosec, '32FC1')
-        message = ROS2.types['stereo_msgs/msg/DisparityImage'](
-            frame.left.header, pixels, 400.0, 0.5, ROS2.types['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False),
-            0.0, 255.0, 1.0)
-        return type('Result', (), {'timings': {'total': 1.0}, 'geometry_problem': '', 'message': message})
+        everywhere = np.ones(grey.shape, bool)
+        matched = MatchedFrame(frame.left.header, grey, grey.astype(np.float32), everywhere, everywhere, 1.0,
+                               StereoGeometry(400.0, 0.5), parameters)
+        return ProcessedFrame(matched, {'total': 1.0}, '')
 
 
 def process_bag(arguments, log, kill_at, begin):

@@ -47,8 +47,8 @@ def test_pairs_are_near_in_order_used_once_and_the_queue_is_bounded(stream, tole
     for number, (side, stamp) in enumerate(stream):
         jumps = pairer.jumps
         new = pairer.add(side, stamp, (number, stamp))
-        if pairer.jumps != jumps:  # with the jump come the pairs from before it, then those of after
-            new = [entry for pair in new for entry in (pair, None)] or [None]
+        if pairer.jumps != jumps:  # with the jump come the pairs from before it, then those of after: in any order
+            new = [None, *(entry for pair in new for entry in (pair, None))]
         pairs += new
         assert max(pairer.waiting.values()) <= queue_size
     made = [pair for pair in pairs if pair]
