@@ -89,8 +89,8 @@ class DisparityNode(Node):
             lambda: self._settings.current.period
         )
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
-        for side in SIDES:
-            self._subscribe(CameraInfo, f'{side}/camera_info', partial(self._take_info, side))
+        self._info_subscriptions: dict[SideName, Subscription] = {}
+        self._subscribe_to_infos()
         self._latched_infos: set[SideName] = set()
         self._wired = True
         self._subscribe_to_images()  # so that a setting that does not fit is told at the start
@@ -154,9 +154,25 @@ class DisparityNode(Node):
             self.destroy_subscription(subscription)
         self._image_subscriptions = []
 
+    def _subscribe_to_infos(self) -> None:
+        for side in SIDES:
+            if side not in self._info_subscriptions:
+                self._info_subscriptions[side] = self._subscribe(
+                    CameraInfo, f'{side}/camera_info', partial(self._take_info, side))
+
+    def _leave_infos(self) -> None:
+        """The last ones serve until there are newer ones; those that have not come yet are waited for."""
+        for side in SIDES:
+            if self._infos[side] is not None and side in self._info_subscriptions:
+                self.destroy_subscription(self._info_subscriptions.pop(side))
+
     def _heed_listeners(self) -> None:
         """Take images while somebody listens, and none while nobody does."""
         listeners = self._outputs.have_listeners()
+        if listeners:
+            self._subscribe_to_infos()
+        else:
+            self._leave_infos()
         if listeners and not self._image_subscriptions:
             with self._complaining('topics'):
                 self._subscribe_to_images()
