@@ -36,9 +36,8 @@ help:  ## this list
 demo: $(READY)  ## the node at work on a real stereo pair; results in demo_output/
 	@"$(PYTHON)" -m svdm_ros.demo $(ARGS)
 
-# Two processes, a file of tests at a time in each; -n 0 in ARGS for one process, whose output -s shows.
 test: lint  ## lint, then all tests (ARGS='-k name' for some of them)
-	@"$(PYTHON)" -m pytest -n 2 --dist loadfile $(ARGS)
+	@"$(PYTHON)" -m pytest $(ARGS)
 
 lint: $(READY)  ## ruff, and mypy --strict
 	@"$(PYTHON)" -m ruff check .
