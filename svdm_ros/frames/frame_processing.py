@@ -12,7 +12,7 @@ from svdm_core import DisparityResult, StereoMatcher
 from ..calibration.geometry import stereo_geometry
 from .filtering import known_pixels, nothing_left
 from .matched_frame import MatchedFrame
-from .preparation import PreparedPair, prepare, search_range
+from .preparation import PreparedPair, prepare, with_search_range
 from .row_offsets import RectificationCheck
 from .temporal_filter import TemporalFilter
 from .views import FrameError, StereoFrame, Views
@@ -59,11 +59,11 @@ class FrameProcessor:
             pair = prepare(left.pixels, right.pixels, whole, parameters)
         except ValueError as error:
             raise FrameError('not within the image', f'pair dropped: {error}') from error
-        matching, problem = search_range(pair.geometry, parameters)
-        parameters = dataclasses.replace(parameters, matcher=matching)
+        parameters, range_problem = with_search_range(parameters, pair.geometry)
         setting = parameters.matcher, pair.geometry, parameters.region, parameters.downscale, frame.raw
         if self._rectification is not None:
-            searched = (matching.min_disparity, matching.min_disparity + matching.num_disparities - 1)
+            start = parameters.matcher.min_disparity
+            searched = start, start + parameters.matcher.num_disparities - 1
             self._rectification.look(pair.left, pair.right, searched, frame.arrived, setting[1:])
         result = self._match(pair, parameters)
         known = known_pixels(result, pair.geometry, parameters)
@@ -73,7 +73,7 @@ class FrameProcessor:
         matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, known, step, pair.geometry,
                                parameters)
         nothing = '' if known.any() else nothing_left(parameters)
-        notes = whole.problem, problem, pair.note, nothing
+        notes = whole.problem, range_problem, pair.note, nothing
         return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)))
 
     def _match(self, pair: PreparedPair, parameters: NodeParameters) -> DisparityResult:
@@ -97,4 +97,3 @@ class FrameProcessor:
             self._threads = parameters.num_threads
         self._matcher.parameters = parameters.matcher
         return self._matcher
-

@@ -1,7 +1,7 @@
 """What happens to a pair of images, and to its geometry and search range, before it is matched."""
 from __future__ import annotations
 
-import dataclasses
+import functools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from .exposure import exposure_of, matched
 
 if TYPE_CHECKING:
-    from svdm_core import MatcherParameters
-
     from ..calibration.geometry import StereoGeometry
     from ..node.parameter_set import NodeParameters
 
@@ -66,14 +64,18 @@ def _shrunk(image: NDArray[Any], factor: int) -> NDArray[Any]:
     return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[MatcherParameters, str]:
-    """The matcher's parameters with num_disparities for `min_depth` where that is set, and what is wrong with it."""
+@functools.lru_cache(maxsize=8)
+def with_search_range(parameters: NodeParameters, geometry: StereoGeometry) -> tuple[NodeParameters, str]:
+    """The parameters with num_disparities for `min_depth` where that is set, and what is wrong with the range.
+
+    Both are checked and made once for a stream of pairs, not for each.
+    """
     beyond = _beyond_reach(geometry, parameters.matcher.min_disparity)
     if parameters.min_depth == 0:
-        return parameters.matcher, beyond
+        return parameters, beyond
     distance = geometry.focal_length * geometry.baseline
     if distance == 0:
-        return parameters.matcher, 'min_depth is not used, as the focal length or the baseline is not known'
+        return parameters, 'min_depth is not used, as the focal length or the baseline is not known'
     start = parameters.matcher.min_disparity
     largest = min(distance / parameters.min_depth + geometry.principal_offset, _BEYOND)
     wanted = math.ceil(largest) - start + 1
@@ -81,7 +83,7 @@ def search_range(geometry: StereoGeometry, parameters: NodeParameters) -> tuple[
     problem = '' if wanted == count else (
         f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and {count} of '
         f'them, from {start} on, are searched: set downscale, min_disparity or another min_depth')
-    return dataclasses.replace(parameters.matcher, num_disparities=count), problem or beyond
+    return parameters.replace({'num_disparities': count}), problem or beyond
 
 
 def _beyond_reach(geometry: StereoGeometry, start: int) -> str:

@@ -17,7 +17,7 @@ from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.frames.messages import rclpy_types
 from svdm_ros.frames.outputs import OUTPUTS, output_names
-from svdm_ros.frames.preparation import search_range
+from svdm_ros.frames.preparation import with_search_range
 from svdm_ros.frames.views import FrameError, StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
@@ -272,14 +272,14 @@ def test_max_depth_must_lie_behind_min_depth():
     (0.0, 5, ''), (12.0, 13, 'set min_disparity to 12'), (0.4, 1, '')])
 def test_a_search_that_cannot_reach_infinity_is_told(offset, start, told):
     parameters = NodeParameters(MatcherParameters(min_disparity=start))
-    _, problem = search_range(StereoGeometry(500.0, 0.2, offset), parameters)
+    _, problem = with_search_range(parameters, StereoGeometry(500.0, 0.2, offset))
     assert told in problem and bool(problem) is bool(told)
 
 
 @pytest.mark.parametrize('min_depth', [1e-320, 1e-300, 1e-9])
 def test_a_tiny_min_depth_is_told_in_a_short_line(min_depth):
-    parameters, problem = search_range(StereoGeometry(500.0, 0.2, 1.0), NodeParameters(min_depth=min_depth))
-    assert parameters.num_disparities == 1024 and 'set downscale' in problem and len(problem) < 300
+    parameters, problem = with_search_range(NodeParameters(min_depth=min_depth), StereoGeometry(500.0, 0.2, 1.0))
+    assert parameters.matcher.num_disparities == 1024 and 'set downscale' in problem and len(problem) < 300
 
 
 def test_the_window_of_what_a_threshold_leaves_is_that_of_the_checked_pixels():
