@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class ProcessedFrame:
-    """What came of a pair, the milliseconds a stage, and what is wrong with the camera_info (empty: nothing)."""
+    """What came of a pair, the milliseconds a stage, and why it may be wrong: camera_info, search range, exposure, or
+    nothing that is known (empty: all is well)."""
 
     frame: MatchedFrame
     timings: dict[str, float]
-    geometry_problem: str
+    problem: str
 
 
 class FrameProcessor:

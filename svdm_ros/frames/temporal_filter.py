@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 _JUMP = 1.0
 """px; where a disparity changes by more, its past is forgotten."""
 
-
 _PAUSE = 1.0
 """s; after a longer one, or where time goes back, the past is forgotten."""
 

@@ -24,8 +24,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 class StereoFrame:
     """What one computation starts from.
 
-    left, right: one and the same message where it holds both views side by side. arrived: monotonic time of the later
-    image, s. raw: whether the images are to be rectified.
+    left, right: one and the same message where it holds both views side by side. arrived: when, s: monotonic time of
+    the later image in the node, the left stamp in a recording. raw: whether the images are to be rectified.
     """
 
     left: Image | CompressedImage

@@ -168,16 +168,14 @@ class DisparityNode(Node):
 
     def _heed_listeners(self) -> None:
         """Take images while somebody listens, and none while nobody does."""
-        listeners = self._outputs.have_listeners()
-        if listeners:
-            self._subscribe_to_infos()
-        else:
+        if not self._outputs.have_listeners():
             self._leave_infos()
-        if listeners and not self._image_subscriptions:
+            self._leave_images()
+            return
+        self._subscribe_to_infos()
+        if not self._image_subscriptions:
             with self._complaining('topics'):
                 self._subscribe_to_images()
-        elif not listeners and self._image_subscriptions:
-            self._leave_images()
 
     def _subscribe[Message](
         self, message_type: type[Message], name: str, take: Callable[[Message], None]
@@ -289,17 +287,18 @@ class DisparityNode(Node):
     def _process(self, frame: StereoFrame) -> None:
         try:
             done = self._processor.process(frame, self._settings.current)
-            self._say_compiled()
         except FrameError as error:
             self._statistics.count_drop(error.reason)
             self._complain(Line(error.reason, str(error)))
             return
+        finally:
+            self._say_compiled()
         self._outputs.publish(done.frame)
         self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
-        if done.geometry_problem:
+        if done.problem:
             geometry = done.frame.geometry
             known = f'f = {geometry.focal_length:g}, t = {geometry.baseline:g}'
-            self._complain(Line('geometry', f'disparity published with {known}: {done.geometry_problem}'))
+            self._complain(Line('published', f'disparity published with {known}: {done.problem}'))
 
     def _report_compiling(self, what: str) -> None:
         self._compiling = what

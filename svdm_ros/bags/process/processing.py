@@ -185,8 +185,8 @@ class _Run:
             progress.notes['the images were rectified by the calibration given'] += 1
         if not frame.raw:
             progress.notes.update(self._unrectified(pair))
-        if result.geometry_problem:
-            progress.notes[result.geometry_problem] += 1
+        if result.problem:
+            progress.notes[result.problem] += 1
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
         return self._outputs.messages(pair, result.frame)

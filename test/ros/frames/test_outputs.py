@@ -239,12 +239,12 @@ def test_the_search_range_follows_from_min_depth():
     assert frame.parameters.matcher.num_disparities == 21
     done = processed(min_depth=0.001)
     assert done.frame.parameters.matcher.num_disparities == 1024
-    assert 'min_depth = 0.001 m takes disparities 0 to 20003 px' in done.geometry_problem
+    assert 'min_depth = 0.001 m takes disparities 0 to 20003 px' in done.problem
     left, right = wall()
     blind = FrameProcessor().process(StereoFrame(left, right, None, None, 0.0), NodeParameters(
         MatcherParameters(num_disparities=16), min_depth=1.0))
     assert blind.frame.parameters.matcher.num_disparities == 16
-    assert 'min_depth is not used' in blind.geometry_problem
+    assert 'min_depth is not used' in blind.problem
 
 
 @pytest.mark.parametrize(('values', 'told'), [
@@ -303,4 +303,4 @@ def test_another_list_is_refused(roi):
 def test_where_nothing_is_left_it_is_told():
     done = processed(max_depth=0.5)
     assert not done.frame.known.any()
-    assert 'no disparity is left in the whole image: look at max_depth, num_disparities' in done.geometry_problem
+    assert 'no disparity is left in the whole image: look at max_depth, num_disparities' in done.problem

@@ -143,7 +143,7 @@ def test_exposure_match_makes_a_darker_right_image_like_the_left(gain, offset, t
 
     def disparity(right, **values):
         done = processed(StereoFrame(image_message(left), image_message(right), *infos, 0.0), **values)
-        return done.frame.disparity[12:-12, 60:-12], done.geometry_problem
+        return done.frame.disparity[12:-12, 60:-12], done.problem
 
     same, _ = disparity(right)
     evened, problem = disparity(other, exposure_match='gain')
