@@ -22,7 +22,7 @@ class Progress:
     """What is counted pair by pair; kept with the partial bag, so that a run that goes on has it all.
 
     done: entries of the stream that are dealt with. dropped: pairs that could not be matched, by reason; `reasons`
-    has the line of the first of each. notes: what is missing in camera_info, and in how many pairs.
+    has the line of the first of each. notes: why results may be wrong, and in how many pairs.
     """
 
     done: int = 0
