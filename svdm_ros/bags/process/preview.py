@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from svdm_core.files.colour_maps import DISPARITY_COLOURS, colour_map
 from svdm_core.kernels.arrays import Uint8
 
+from ...frames.colours import coloured
 from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import open_recording
 from ..writing.output_place import PREVIEW_FILE, PREVIEW_FOLDER
@@ -38,9 +38,7 @@ def write_preview(bag: Path, kind: str) -> None:
 
 def picture(disparity: Any) -> Uint8:
     """A stereo_msgs/DisparityImage in colours, uint8 BGR (H, W, 3)."""
-    values = pixels_of(disparity.image)
-    known = np.where(values >= disparity.min_disparity, values, np.float32(np.nan))
-    return colour_map(known, disparity.min_disparity, disparity.max_disparity, DISPARITY_COLOURS, unknown=(0, 0, 0))
+    return coloured(pixels_of(disparity.image), disparity.min_disparity, disparity.max_disparity)
 
 
 def _write_pictures(messages: Iterator[Any], folder: Path) -> None:

@@ -15,7 +15,7 @@ from ...frames.frame_processing import FrameProcessor
 from ...frames.views import FrameError, StereoFrame
 from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
-from ..reading.recorded_frames import as_image, stamp_ns
+from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
 from ..reading.stereo_topics import StereoTopics, find_stereo_topics
 from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
@@ -168,12 +168,10 @@ class _Run:
         writer.put(lambda: self._write(messages, entry.time_ns, state))
 
     def _matched_messages(self, pair: RecordedPair) -> Iterator[tuple[str, bytes | memoryview]]:
-        progress = self._progress
+        progress, left = self._progress, pair.left.message
+        frame = StereoFrame(left, pair.right.message, pair.left_info, pair.right_info, stamp_ns(left) / 1e9,
+                            raw=self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
         try:
-            left = as_image(pair.left.message, pair.left.message_type, 'left')
-            right = as_image(pair.right.message, pair.right.message_type, 'right')
-            frame = StereoFrame(left, right, pair.left_info, pair.right_info, stamp_ns(left) / 1e9,
-                                raw=self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
             result = self._processor.process(frame, self._job.parameters)
         except FrameError as error:
             progress.drop(error.reason, str(error))

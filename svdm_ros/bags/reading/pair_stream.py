@@ -23,7 +23,6 @@ class TimedImage:
     """A deserialized Image or CompressedImage, its type, and when it was recorded."""
 
     message: Any
-    message_type: str
     time_ns: int
 
 
@@ -104,7 +103,7 @@ class PairStream:
         # Offline an image may wait as long as there is memory for it: no pair is lost to a queue.
         self._pairer.queue_size = max(_FEWEST_WAITING, WAITING_BYTES // max(len(message.data), 1))
         image = self._recording.deserialize(message)
-        return self._pairer.add(side, stamp_ns(image), TimedImage(image, message.message_type, message.time_ns))
+        return self._pairer.add(side, stamp_ns(image), TimedImage(image, message.time_ns))
 
     def _keep(self, kept: ByStamp[Any], message: RecordedMessage) -> None:
         content = self._recording.deserialize(message)

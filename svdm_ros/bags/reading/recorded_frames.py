@@ -1,18 +1,14 @@
-"""What lies in a recording as the messages the matcher's side takes: images, decoded, and camera_info by time."""
+"""Messages without ROS: the classes that are written, and camera_info of a recording by time."""
 from __future__ import annotations
 
 import collections
-import sys
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from ...frames.compressed import decode
 from ...frames.messages import MessageTypes
-from ...frames.views import FrameError
-from .stereo_topics import COMPRESSED
 
 ROS2 = get_typestore(Stores.ROS2_JAZZY)
 """The types of all that is written."""
@@ -48,20 +44,6 @@ def stamp_ns(message: Any) -> int:
     """The stamp of a message with a header."""
     stamp = message.header.stamp
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
-
-
-def as_image(message: Any, message_type: str, side: str) -> Any:
-    """A sensor_msgs/Image of either kind of image message. Raises FrameError where it cannot be decoded."""
-    if message_type != COMPRESSED:
-        return message
-    try:
-        pixels, encoding = decode(message)
-    except ValueError as error:
-        raise FrameError('unreadable', f'{side} image dropped: {error}') from error
-    height, width = pixels.shape[:2]
-    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
-    return TYPES.image(header=message.header, height=height, width=width, encoding=encoding,
-                       is_bigendian=int(sys.byteorder == 'big'), step=data.size // height, data=data)
 
 
 class ByStamp[Message]:
