@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from svdm_core import ParameterInfo
 
-from .parameter_set import NodeParameters, Value, node_parameter_table, roi_text
+from .parameter_set import NodeParameters, Value, checked_value, node_parameter_table
 
 _NAMES = tuple(info.name for info in node_parameter_table())
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
@@ -73,8 +73,7 @@ class DeclaredParameters:
         info = next((info for info in node_parameter_table() if info.name == change.name), None)
         if info is not None:
             try:
-                value = roi_text(change.value) if info.name == 'roi' else change.value
-                return Parameter(change.name, value=info.check(value))
+                return Parameter(change.name, value=checked_value(info, change.value))
             except ValueError as error:
                 raise _RefusedError(str(error)) from None
         if not self._node.has_parameter(change.name):

@@ -112,9 +112,8 @@ class NodeParameters:
     num_threads: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'roi', roi_text(self.roi))
         for info in _OWN_TABLE:
-            object.__setattr__(self, info.name, info.check(getattr(self, info.name)))
+            object.__setattr__(self, info.name, checked_value(info, getattr(self, info.name)))
         _region(self.roi)
         if 0 < self.max_depth <= self.min_depth:
             raise ValueError(f'max_depth = {self.max_depth:g} is not allowed: it must be more than min_depth = '
@@ -147,11 +146,11 @@ class NodeParameters:
         return value
 
 
-def roi_text(value: Any) -> Any:
-    """The parameter roi as text, where it is given as a list of integers; anything else as it is."""
-    if isinstance(value, str) or not isinstance(value, Sequence) or not all(isinstance(part, int) for part in value):
-        return value
-    return ', '.join(map(str, value))
+def checked_value(info: ParameterInfo, value: Any) -> Value:
+    """As `info.check`; a text that has to have a form may also be given as a list of integers."""
+    if info.form and isinstance(value, Sequence) and all(isinstance(part, int) for part in value):
+        value = ', '.join(map(str, value))
+    return info.check(value)
 
 
 def _region(roi: str) -> Region | None:

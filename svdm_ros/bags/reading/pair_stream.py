@@ -20,7 +20,7 @@ _PATIENCE_NS = 100_000_000
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class TimedImage:
-    """A deserialized Image or CompressedImage, its type, and when it was recorded."""
+    """A deserialized Image or CompressedImage, and when it was recorded, ns."""
 
     message: Any
     time_ns: int
