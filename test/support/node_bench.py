@@ -192,7 +192,7 @@ class Client:
             assert node.running, f'the node ended: {node.log}'
             return self.hears_of_a_ready_node()
 
-        self.spin_until(ready, 'the node is ready', limit=200.0)
+        self.spin_until(ready, 'the node is ready', limit=100.0)
 
     def hears_of_a_ready_node(self):
         """Whether a node has told so in its diagnostics."""

@@ -162,18 +162,17 @@ print(*svdm_core.preset_names())'''
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
 @pytest.mark.usefixtures('demo')  # both compile all kernels, which takes as long for two as for one
 def test_installed_node_runs_until_interrupted(prefix, installed_environment, tmp_path):
     log = tmp_path / 'node.log'
     with log.open('w') as output:
         node = subprocess.Popen(
             [sys.executable, str(prefix / 'lib/svdm_ros/disparity_node'), '--ros-args',
-             '--params-file', str(prefix / 'share/svdm_ros/config/fast.yaml')],
+             '--params-file', str(prefix / 'share/svdm_ros/config/default.yaml')],
             cwd=tmp_path, env=installed_environment, stdout=output, stderr=subprocess.STDOUT)
     client = Client(int(installed_environment['ROS_DOMAIN_ID']))
     try:
-        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=300)
+        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=100)
         assert node.poll() is None, log.read_text()
         node.send_signal(signal.SIGINT)
         assert node.wait(10) == 0, log.read_text()

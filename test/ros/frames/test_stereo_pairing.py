@@ -47,8 +47,9 @@ def test_pairs_are_near_in_order_used_once_and_the_queue_is_bounded(stream, tole
     for number, (side, stamp) in enumerate(stream):
         jumps = pairer.jumps
         new = pairer.add(side, stamp, (number, stamp))
-        if pairer.jumps != jumps:  # with the jump come the pairs from before it, then those of after: in any order
-            new = [None, *(entry for pair in new for entry in (pair, None))]
+        if pairer.jumps != jumps:  # with the jump come the pairs from before it; those of after hold what jumped
+            of_after = [pair for pair in new if number in (pair.left[0], pair.right[0])]
+            new = [*(pair for pair in new if pair not in of_after), None, *of_after]
         pairs += new
         assert max(pairer.waiting.values()) <= queue_size
     made = [pair for pair in pairs if pair]

@@ -236,10 +236,16 @@ def test_the_newest_pair_wins_when_the_node_is_too_slow(tmp_path):
         assert client.set_atomically(**SLOW).successful
         pair = dots(**LARGE)
 
-        def superseded():
-            return any(int(counts.get('dropped: superseded', 0)) > 0 for counts in client.diagnostics)
+        def newest_is_answered():
+            for _ in range(12):
+                last = client.publish_pair(*pair)
+            client.spin_for(5.0)
+            return client.received[-1].header.stamp.sec == last
 
-        client.spin_until(superseded, 'the drops', limit=100.0, each=lambda: client.publish_pair(*pair))
+        # The camera is best effort: where the last image was lost, the node could not answer it.
+        assert any(newest_is_answered() for _ in range(4))
+        client.spin_until(
+            lambda: any(int(counts.get('dropped: superseded', 0)) > 0 for counts in client.diagnostics), 'the drops')
         stamps = [message.header.stamp.sec for message in client.received]
         assert stamps == sorted(stamps)
-        client.spin_until(lambda: disparities(client.received[-1]).shape == (240, 320), 'a large one', limit=60.0)
+        assert disparities(client.received[-1]).shape == (240, 320)

@@ -92,7 +92,7 @@ def test_an_idle_node_hardly_works(running):
         time.sleep(1 / 30)
     after = process.cpu_times()
     used = after.user + after.system - before.user - before.system
-    assert used < 0.2 * (time.monotonic() - start)  # of a processor that others use too
+    assert used < 0.06 * (time.monotonic() - start)
     client.subscribe(kind_of(OUTPUTS[0]), OUTPUTS[0].topic, client.received)
     client.exchange_until(*dots(), lambda message: True, 'a disparity again')
 
