@@ -203,6 +203,7 @@ def demo(tmp_path_factory) -> Iterator[tuple[Path, subprocess.Popen, Path]]:
     yield clone, process, log
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 def _path_with_uv() -> str:
