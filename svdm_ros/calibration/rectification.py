@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from .stereo_calibration import is_rotation
+
 if TYPE_CHECKING:
     from sensor_msgs.msg import CameraInfo
 
@@ -20,8 +22,6 @@ _COEFFICIENTS = {'plumb_bob': (0, 4, 5), 'rational_polynomial': (8, 12, 14), 'eq
 _LARGEST = 1e12
 _LARGEST_SIDE = 2**15 - 2
 """px; the maps hold coordinates in 16 bits, and one pixel more on either side."""
-_ROTATION_ERROR = 1e-3
-"""Largest error of an entry of R times its transpose: calibration files are rounded."""
 _IDENTITY_ERROR = 1e-6
 _OFF_PATTERN = 1e-6
 """Largest skew of K and P, in focal lengths."""
@@ -198,8 +198,7 @@ def _check_model(calibration: _Calibration) -> None:
 
 
 def _check_rotation(r: Matrix) -> None:
-    error = float(np.abs(r @ r.T - np.eye(3)).max())
-    if error > _ROTATION_ERROR or np.linalg.det(r) < 0:
+    if not is_rotation(r):
         shown = ', '.join(f'{value:g}' for value in r.ravel())
         raise ValueError(f'camera_info has R = [{shown}], it must be a rotation matrix: calibrate anew, or set R to '
                          'the identity for a camera that is not turned')

@@ -15,11 +15,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from svdm_core.files.user_files import SETTINGS, read_yaml
 from svdm_core.presets import preset_values
 from svdm_core.runtime import configure
 
 from ...calibration.calibration_files import read_calibration
-from ...command_line.user_files import SETTINGS, read_yaml
 from ...frames.outputs import output_names
 from ...node.parameter_set import NodeParameters, Value, node_parameter_table
 from ..writing.output_place import check_apart
