@@ -8,6 +8,7 @@ import sys
 import cv2
 
 from ..runtime.interrupts import INTERRUPTED
+from ..shown import line
 
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
@@ -35,12 +36,12 @@ def _run(arguments: list[str]) -> int:
     try:
         return int(options.run(options))
     except (ValueError, OSError, ImportError) as error:
-        print(f'svdm {options.command}: {error}', file=sys.stderr)
+        print(f'svdm {options.command}: {line(error)}', file=sys.stderr)
     except MemoryError as error:
-        print(f'svdm {options.command}: out of memory, take smaller images or fewer disparities: {error}',
+        print(f'svdm {options.command}: out of memory, take smaller images or fewer disparities: {line(error)}',
               file=sys.stderr)
     except cv2.error as error:
-        print(f'svdm {options.command}: OpenCV refuses it: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'svdm {options.command}: OpenCV refuses it: {line(error)}', file=sys.stderr)
     return 2
 
 

@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.shown import cut, shown
+
 from .stereo_calibration import is_rotation
 
 if TYPE_CHECKING:
@@ -25,7 +27,6 @@ _LARGEST_SIDE = 2**15 - 2
 _IDENTITY_ERROR = 1e-6
 _OFF_PATTERN = 1e-6
 """Largest skew of K and P, in focal lengths."""
-_SHOWN = 200
 _RECTIFIED_NAME = re.compile('(?<!un)(?<!di)rect', re.IGNORECASE)
 """In a part of a topic's name: image_rect, rectified; neither unrectified nor direct."""
 
@@ -116,7 +117,7 @@ def unrectified_line(info: CameraInfo, topic: str) -> str:
     r = _floats(info.r)
     found = []
     if len(info.d) and np.any(np.asarray(info.d) != 0):
-        found.append(f'D is [{_cut(", ".join(f"{value:g}" for value in info.d[:_COEFFICIENTS_SHOWN]))}]')
+        found.append(f'D is [{cut(", ".join(f"{value:g}" for value in info.d[:_COEFFICIENTS_SHOWN]))}]')
     if any(r) and not np.allclose(r, np.eye(3).ravel(), rtol=0, atol=_IDENTITY_ERROR):
         found.append('R is not the identity')
     if not found or _RECTIFIED_NAME.search(topic):
@@ -190,7 +191,7 @@ def _check_projection(name: str, matrix: Matrix) -> None:
 def _check_model(calibration: _Calibration) -> None:
     allowed = _COEFFICIENTS.get(calibration.model)
     if allowed is None:
-        raise ValueError(f'camera_info has distortion_model {_cut(calibration.model)!r}, it must be '
+        raise ValueError(f'camera_info has distortion_model {shown(calibration.model)}, it must be '
                          f'{", ".join(_COEFFICIENTS)}: rectify with the tool it was calibrated with, or calibrate anew')
     if len(calibration.d) not in allowed:
         raise ValueError(f'camera_info has {len(calibration.d)} numbers in D, {calibration.model} has '
@@ -199,13 +200,9 @@ def _check_model(calibration: _Calibration) -> None:
 
 def _check_rotation(r: Matrix) -> None:
     if not is_rotation(r):
-        shown = ', '.join(f'{value:g}' for value in r.ravel())
-        raise ValueError(f'camera_info has R = [{shown}], it must be a rotation matrix: calibrate anew, or set R to '
+        values = ', '.join(f'{value:g}' for value in r.ravel())
+        raise ValueError(f'camera_info has R = [{values}], it must be a rotation matrix: calibrate anew, or set R to '
                          'the identity for a camera that is not turned')
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= _SHOWN else f'{text[:_SHOWN]}... ({len(text)} characters)'
 
 
 # The maps

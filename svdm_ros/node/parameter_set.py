@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from svdm_core import MatcherParameters, ParameterInfo, parameter_table
+from svdm_core.shown import shown
 
 Value = bool | int | float | str
 
@@ -160,10 +161,10 @@ def _region(roi: str) -> Region | None:
         return None
     numbers = text.replace(',', ' ').split()
     if len(numbers) != 4 or not all(number.isascii() and number.isdigit() and len(number) < 7 for number in numbers):
-        raise ValueError(f'roi = {roi[:100]!r} is not allowed: it must be {_form("roi")}')
+        raise ValueError(f'roi = {shown(roi, 100)} is not allowed: it must be {_form("roi")}')
     region = Region(*map(int, numbers))
     if not region.width or not region.height:
-        raise ValueError(f'roi = {roi!r} is not allowed: its width and height must be 1 or more')
+        raise ValueError(f'roi = {shown(roi, 100)} is not allowed: its width and height must be 1 or more')
     return region
 
 

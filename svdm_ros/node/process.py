@@ -12,6 +12,7 @@ from rclpy.logging import get_logger
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
 from svdm_core.runtime import configure
+from svdm_core.shown import line
 
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
@@ -77,7 +78,7 @@ def _spin(node: DisparityNode) -> None:
             if _is_ours(error):
                 node.report_defect('callback cut short', error)
             elif isinstance(error, _BAD_REQUEST):
-                node.get_logger().error(f'a request was dropped: {error}')
+                node.get_logger().error(f'a request was dropped: {line(error)}')
             else:
                 raise
 
@@ -89,5 +90,5 @@ def _is_ours(error: Exception) -> bool:
 
 
 def _refuse_to_start(error: Exception) -> int:
-    get_logger('disparity_node').fatal(f'not started: {error}')
+    get_logger('disparity_node').fatal(f'not started: {line(error)}')
     return 2

@@ -4,6 +4,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from svdm_core.shown import shown
+
 _USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
 
 Pairs two images, matches them, and publishes what somebody listens to. Runs until Ctrl-C.
@@ -39,6 +41,6 @@ def answer(arguments: Sequence[str]) -> int | None:
     if any(argument in ('-h', '--help') for argument in arguments):
         print(usage(), end='')
         return 0
-    print(f'disparity_node: unknown argument {arguments[0]!r}: topics and parameters are set behind --ros-args, as in '
-          '--ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)
+    print(f'disparity_node: unknown argument {shown(arguments[0])}: topics and parameters are set behind '
+          '--ros-args, as in --ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)
     return 2

@@ -209,7 +209,8 @@ def kalibr_document():
     cameras = {f'cam{number}': {
         'camera_model': 'pinhole', 'distortion_model': 'radtan', 'intrinsics': camera['intrinsics'],
         'distortion_coeffs': camera['distortion_coefficients'], 'resolution': list(EUROC_SIZE),
-        'cam_overlaps': [1 - number], 'rostopic': f'/cam{number}/image_raw'} for number, camera in enumerate((left, right))}
+        'cam_overlaps': [1 - number], 'rostopic': f'/cam{number}/image_raw'}
+        for number, camera in enumerate((left, right))}
     cameras['cam1']['T_cn_cnm1'] = (np.linalg.inv(body_from[1]) @ body_from[0]).tolist()
     return cameras
 

@@ -157,9 +157,10 @@ def test_anchors_and_aliases_are_refused(at_once, text):
     assert 'anchor or alias' in line_of(parse_yaml, text, SETTINGS)
 
 
-@pytest.mark.parametrize('text', ['a: 2001-99-99', f'a: {"1" * 999}:77', 'a: !!python/object:os.system 1', '\0', '!!int ""',
-                                  '!!bool 7', '!!timestamp x', '!!float x', '!!binary \u00e9', '!!opencv-matrix [1]', '!!set [1]',
-                                  'a: b: c', '? [1]\n: 2', '--- 1\n--- 2'])
+@pytest.mark.parametrize('text', [
+    'a: 2001-99-99', f'a: {"1" * 999}:77', 'a: !!python/object:os.system 1', '\0', '!!int ""', '!!bool 7',
+    '!!timestamp x', '!!float x', '!!binary \u00e9', '!!opencv-matrix [1]', '!!set [1]', 'a: b: c', '? [1]\n: 2',
+    '--- 1\n--- 2'])
 def test_what_yaml_does_not_build_is_one_line(text):
     try:
         parse_yaml(text, SETTINGS)
