@@ -122,8 +122,8 @@ def unrectified_line(info: CameraInfo, topic: str) -> str:
         found.append('R is not the identity')
     if not found or _RECTIFIED_NAME.search(topic):
         return ''
-    return (f'{topic} looks raw, its camera_info has something to rectify: {" and ".join(found)}; rectified images '
-            'are expected: set `input: raw`, or remap to image_rect')
+    return (f'{cut(topic)} looks raw, its camera_info has something to rectify: {" and ".join(found)}; rectified '
+            'images are expected: set `input: raw`, or remap to image_rect')
 
 
 def _calibration(info: CameraInfo, width: int, height: int) -> _Calibration:

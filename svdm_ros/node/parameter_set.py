@@ -9,6 +9,7 @@ from svdm_core import MatcherParameters, ParameterInfo, parameter_table
 from svdm_core.shown import shown
 
 Value = bool | int | float | str
+_LONGEST_LIST = 16
 
 _OWN_TABLE = (
     ParameterInfo(
@@ -149,7 +150,8 @@ class NodeParameters:
 
 def checked_value(info: ParameterInfo, value: Any) -> Value:
     """As `info.check`; a text that has to have a form may also be given as a list of integers."""
-    if info.form and isinstance(value, Sequence) and all(isinstance(part, int) for part in value):
+    is_short = isinstance(value, Sequence) and len(value) <= _LONGEST_LIST
+    if info.form and is_short and all(isinstance(part, int) for part in value):
         value = ', '.join(map(str, value))
     return info.check(value)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from svdm_core.shown import line
 
 _NS = 1e-9
+_MOST_LINES = 100
 _CLOCKS_DIFFER_NS = 1_000_000_000
 
 
@@ -21,7 +22,7 @@ class Line:
 
     def __post_init__(self) -> None:
         # A traceback has several.
-        object.__setattr__(self, 'text', '\n'.join(map(line, self.text.split('\n'))))
+        object.__setattr__(self, 'text', '\n'.join(map(line, self.text.split('\n')[:_MOST_LINES])))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

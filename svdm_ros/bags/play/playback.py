@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 
-from svdm_core.shown import line
+from svdm_core.shown import cut, line
 
 from ...processes.dds_profile import image_profile
 from ..reading.recording import RecordedMessage, Recording, RecordingError, Topic, open_recording
@@ -160,7 +160,7 @@ def chosen_topics(topics: Mapping[str, Topic], wanted: Sequence[str], with_clock
     names = {name.removeprefix('/'): name for name in topics}
     for name in wanted:
         if name.removeprefix('/') not in names:
-            raise ValueError(f'there is no topic {name}; there are {", ".join(topics)}')
+            raise ValueError(f'there is no topic {cut(name)}; there are {", ".join(map(cut, topics))}')
     chosen = [names[name.removeprefix('/')] for name in wanted] or list(topics)
     return [topics[name] for name in dict.fromkeys(chosen) if with_clock or name != CLOCK]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from svdm_core.shown import shown
+from svdm_core.shown import cut, shown
 
 from ...frames.matched_frame import MatchedFrame
 from ...frames.outputs import OUTPUTS, Output
@@ -39,7 +39,7 @@ class Outputs:
             if name in self.copied:
                 images = name in (self.topics.left, self.topics.right)
                 remedy = 'leave out --copy-inputs' if images else 'leave out the output that has it'
-                raise ValueError(f'{name} is a topic of the recording and one of the results: {remedy}')
+                raise ValueError(f'{cut(name)} is a topic of the recording and one of the results: {remedy}')
         copies = [recording.topics[name] for name in sorted(self.copied)]
         return [*(OutputTopic(name, kind, ROS2) for name, kind in own),
                 *(OutputTopic(topic.name, topic.message_type, recording.typestore, topic.qos) for topic in copies)]
