@@ -5,8 +5,7 @@ import argparse
 import importlib
 import sys
 
-import cv2
-
+from ..missing_modules import missing_line
 from ..runtime.interrupts import INTERRUPTED
 from ..shown import line
 
@@ -29,13 +28,18 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(given)
     except KeyboardInterrupt:
         return INTERRUPTED
+    except ImportError as error:
+        print(f'{" ".join(["svdm", *given[:1]])}: {missing_line(error)}', file=sys.stderr)
+        return 2
 
 
 def _run(arguments: list[str]) -> int:
+    import cv2  # may be missing, which is to be one line
+
     options = _parser(arguments).parse_args(arguments)
     try:
         return int(options.run(options))
-    except (ValueError, OSError, ImportError) as error:
+    except (ValueError, OSError) as error:
         print(f'svdm {options.command}: {line(error)}', file=sys.stderr)
     except MemoryError as error:
         print(f'svdm {options.command}: out of memory, take smaller images or fewer disparities: {line(error)}',

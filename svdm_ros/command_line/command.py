@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
 
+from svdm_core.missing_modules import missing_line
 from svdm_core.shown import cut, line
 
 REFUSED, INTERRUPTED = 2, 130
@@ -35,7 +36,7 @@ def ending(command: str, run: Callable[[], int]) -> int:
     except ValueError as error:
         print(f'{command}: {line(error)}', file=sys.stderr)
     except ImportError as error:
-        print(f'{command}: {error}: install svdm_ros with the extra bags, or rosbags and rich', file=sys.stderr)
+        print(f'{command}: {missing_line(error)}', file=sys.stderr)
     except KeyboardInterrupt:
         print(f'{command}: interrupted, nothing was written', file=sys.stderr)
         return INTERRUPTED
