@@ -1,9 +1,12 @@
 """What the node answers on its command line without being started: its usage, and what it does not know."""
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
+from svdm_core.files.user_files import SETTINGS, check_regular
 from svdm_core.shown import shown
 
 _USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
@@ -32,6 +35,13 @@ def usage() -> str:
 
     rows = [f'{output.topic:<39}{output.message_type.replace("/msg", ""):<28}{output.meaning}' for output in OUTPUTS]
     return _USAGE.format(outputs='out:  ' + '\n      '.join(rows))
+
+
+def check_parameter_files(arguments: Sequence[str]) -> None:
+    """Raise RefusedFileError where a --params-file is none that can be read to its end: rcl would wait for ever."""
+    for flag, name in itertools.pairwise(arguments):
+        if flag == '--params-file' and Path(name).exists():  # what is missing, rcl says itself
+            check_regular(Path(name), SETTINGS)
 
 
 def answer(arguments: Sequence[str]) -> int | None:

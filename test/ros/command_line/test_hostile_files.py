@@ -11,12 +11,15 @@ from recordings import contents, stereo, write
 
 import svdm_core
 import svdm_ros
+from svdm_core import load_preset
 from svdm_core.files.user_files import METADATA, SETTINGS, RefusedFileError, parse_yaml, read_text
+from svdm_core.tuning.store import FigureStore
 from svdm_ros.bags import images_to_bag, process_bag
 from svdm_ros.bags.images.ground_truth import read_truth
 from svdm_ros.bags.images.image_files import find_pairs, read_pixels
 from svdm_ros.bags.reading.recording import RecordingError, open_recording
 from svdm_ros.calibration.calibration_files import read_calibration
+from svdm_ros.node.usage import check_parameter_files
 
 LENGTHS = (10**5, 10**6)
 LONGEST_LINE = 700
@@ -220,6 +223,26 @@ def test_what_is_no_file_is_refused_where_a_file_is_read(tmp_path, at_once, kind
     for name, read in readers.items():
         KINDS[kind](tmp_path / name)
         assert f'{name} is {kind}' in line_of(read, tmp_path / name)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_what_is_no_file_is_refused_as_parameters_of_the_node_preset_and_storage(tmp_path, at_once, kind):
+    path = tmp_path / 'my.yaml'
+    KINDS[kind](path)
+    assert f'my.yaml is {kind}' in line_of(check_parameter_files, ['x', '--ros-args', '--params-file', str(path)])
+    assert f'my.yaml is {kind}' in line_of(load_preset, path)
+    assert f'my.yaml is {kind}' in line_of(FigureStore, path)
+
+
+def test_parameter_files_of_the_node_are_left_to_rcl_otherwise(tmp_path):
+    check_parameter_files(['x', '--params-file', str(tmp_path / 'none.yaml'), '--params-file'])
+
+
+@pytest.mark.parametrize('text', [bomb(), '[' * 10**5, 'a: !!bool 7', '\ud800', '\0'])
+def test_hostile_presets_are_refused(tmp_path, at_once, text):
+    path = tmp_path / 'my.yaml'
+    path.write_text(text, errors='surrogatepass')
+    assert f'{path}: ' in line_of(load_preset, path)
 
 
 @pytest.mark.parametrize('kind', ['a pipe', 'a device'])
