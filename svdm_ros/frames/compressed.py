@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.shown import shown
+
 if TYPE_CHECKING:
     from sensor_msgs.msg import CompressedImage
 
@@ -26,7 +28,6 @@ _START_OF_SCAN, _END = 0xDA, 0xD9
 _MOSAICS = ('bayer_rggb', 'bayer_bggr', 'bayer_gbrg', 'bayer_grbg')
 _ENCODINGS = {(1, 1): 'mono8', (1, 2): 'mono16', (3, 1): 'bgr8', (3, 2): 'bgr16', (4, 1): 'bgra8', (4, 2): 'bgra16'}
 """By channels and bytes a channel: what OpenCV decodes to."""
-_SHOWN = 200
 
 
 def decode(message: CompressedImage) -> tuple[Pixels, str]:
@@ -41,7 +42,7 @@ def decode(message: CompressedImage) -> tuple[Pixels, str]:
     stored_format = str(message.format)
     data = np.frombuffer(message.data, np.uint8)
     if 'compresseddepth' in stored_format.lower():
-        raise ValueError(f'format {_shown(stored_format)} is compressedDepth, which holds a depth map: give the topic '
+        raise ValueError(f'format {shown(stored_format)} is compressedDepth, which holds a depth map: give the topic '
                          'of the camera image')
     _check_size(*_declared_size(data.tobytes(), stored_format))
     try:
@@ -49,7 +50,7 @@ def decode(message: CompressedImage) -> tuple[Pixels, str]:
     except cv2.error:
         pixels = None
     if pixels is None:
-        raise ValueError(f'its {data.size} bytes of format {_shown(stored_format)} are a damaged or unusual image: '
+        raise ValueError(f'its {data.size} bytes of format {shown(stored_format)} are a damaged or unusual image: '
                          'OpenCV cannot decode it')
     return pixels, _encoding(pixels, stored_format)
 
@@ -60,12 +61,12 @@ def _encoding(pixels: NDArray[Any], stored_format: str) -> str:
     if channels == 1 and original.startswith('bayer_'):
         pattern = original.removesuffix('16').removesuffix('8')
         if pattern not in _MOSAICS:
-            raise ValueError(f'format {_shown(stored_format)} names an unknown mosaic: it must be one of '
+            raise ValueError(f'format {shown(stored_format)} names an unknown mosaic: it must be one of '
                              f'{", ".join(_MOSAICS)}, with 8 or 16')
         return f'{pattern}{8 * pixels.itemsize}'
     encoding = _ENCODINGS.get((channels, pixels.itemsize)) if pixels.dtype.kind == 'u' else None
     if encoding is None:
-        raise ValueError(f'format {_shown(stored_format)} holds {channels} channels of {pixels.dtype}: grey, BGR or '
+        raise ValueError(f'format {shown(stored_format)} holds {channels} channels of {pixels.dtype}: grey, BGR or '
                          'BGRA of 8 or 16 bits can be used')
     return encoding
 
@@ -81,7 +82,7 @@ def _declared_size(data: bytes, stored_format: str) -> tuple[int, int]:
         for marker, body in _jpeg_segments(data):
             if marker in _START_OF_FRAME and len(body) >= 5:
                 return int.from_bytes(body[3:5]), int.from_bytes(body[1:3])
-    raise ValueError(f'its {len(data)} bytes of format {_shown(stored_format)} are no JPEG or PNG that can be read: '
+    raise ValueError(f'its {len(data)} bytes of format {shown(stored_format)} are no JPEG or PNG that can be read: '
                      'use jpeg or png compression')
 
 
@@ -110,8 +111,3 @@ def _check_size(width: int, height: int) -> None:
     if width * height > LARGEST:
         raise ValueError(f'the image declares {width}x{height} px, at most {LARGEST} px are allowed: publish smaller '
                          'images')
-
-
-def _shown(text: str) -> str:
-    cut = repr(text[:_SHOWN])
-    return cut if len(text) <= _SHOWN else f'{cut}... ({len(text)} characters)'

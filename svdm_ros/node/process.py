@@ -11,11 +11,13 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
+from svdm_core.files.user_files import RefusedFileError
 from svdm_core.runtime import configure
+from svdm_core.shown import line
 
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
-from .usage import answer
+from .usage import answer, check_parameter_files
 
 _WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
@@ -30,9 +32,10 @@ def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
         answered = answer(remove_ros_args(arguments)[1:])
         if answered is not None:
             return answered
+        check_parameter_files(sys.argv if arguments is None else arguments)
         configure()
         rclpy.init(args=arguments)
-    except RuntimeError as error:
+    except (RuntimeError, RefusedFileError) as error:
         return _refuse_to_start(error)
     signals.end_in_order()
     return _run_node(signals)
@@ -77,7 +80,7 @@ def _spin(node: DisparityNode) -> None:
             if _is_ours(error):
                 node.report_defect('callback cut short', error)
             elif isinstance(error, _BAD_REQUEST):
-                node.get_logger().error(f'a request was dropped: {error}')
+                node.get_logger().error(f'a request was dropped: {line(error)}')
             else:
                 raise
 
@@ -89,5 +92,5 @@ def _is_ours(error: Exception) -> bool:
 
 
 def _refuse_to_start(error: Exception) -> int:
-    get_logger('disparity_node').fatal(f'not started: {error}')
+    get_logger('disparity_node').fatal(f'not started: {line(error)}')
     return 2

@@ -6,7 +6,10 @@ import math
 import threading
 from collections.abc import Callable
 
+from svdm_core.shown import line
+
 _NS = 1e-9
+_MOST_LINES = 100
 _CLOCKS_DIFFER_NS = 1_000_000_000
 
 
@@ -16,6 +19,10 @@ class Line:
 
     kind: str
     text: str
+
+    def __post_init__(self) -> None:
+        # A traceback has several.
+        object.__setattr__(self, 'text', '\n'.join(map(line, self.text.split('\n')[:_MOST_LINES])))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

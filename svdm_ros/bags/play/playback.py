@@ -20,6 +20,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 
+from svdm_core.shown import cut, line
+
 from ...processes.dds_profile import image_profile
 from ..reading.recording import RecordedMessage, Recording, RecordingError, Topic, open_recording
 from .publishers import create_publishers
@@ -44,7 +46,7 @@ def play(options: argparse.Namespace, ros_arguments: list[str]) -> int:
             with _node(ros_arguments) as node:
                 return _play(recording, part, topics, node, options)
     except (ValueError, RuntimeError) as error:  # rclpy's, of remappings, are one or the other
-        print(f'play_bag: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'play_bag: {line(error)}', file=sys.stderr)
         return 2
 
 
@@ -54,7 +56,7 @@ def _play(
 ) -> int:
     publishers, left_out = create_publishers(node, topics, recording.typestore)
     for reason in left_out:
-        print(f'play_bag: left out: {reason}', file=sys.stderr)
+        print(f'play_bag: left out: {line(reason)}', file=sys.stderr)
     if not publishers:
         raise ValueError(f'{recording.path}: nothing of it can be played')
     clock = ClockPublisher(node, options.clock) if options.clock else None
@@ -73,7 +75,7 @@ def _play(
     except RecordingError as error:
         if not player.lateness.count:
             raise
-        print(f'play_bag: {error}', file=sys.stderr)
+        print(f'play_bag: {line(error)}', file=sys.stderr)
         code = 1
     if not stop.is_set():
         _let_arrive(publishers.values())
@@ -158,7 +160,7 @@ def chosen_topics(topics: Mapping[str, Topic], wanted: Sequence[str], with_clock
     names = {name.removeprefix('/'): name for name in topics}
     for name in wanted:
         if name.removeprefix('/') not in names:
-            raise ValueError(f'there is no topic {name}; there are {", ".join(topics)}')
+            raise ValueError(f'there is no topic {cut(name)}; there are {", ".join(map(cut, topics))}')
     chosen = [names[name.removeprefix('/')] for name in wanted] or list(topics)
     return [topics[name] for name in dict.fromkeys(chosen) if with_clock or name != CLOCK]
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.shown import cut, shown
+
 from ...frames.matched_frame import MatchedFrame
 from ...frames.outputs import OUTPUTS, Output
 from ..reading.pair_stream import RecordedPair
@@ -37,7 +39,7 @@ class Outputs:
             if name in self.copied:
                 images = name in (self.topics.left, self.topics.right)
                 remedy = 'leave out --copy-inputs' if images else 'leave out the output that has it'
-                raise ValueError(f'{name} is a topic of the recording and one of the results: {remedy}')
+                raise ValueError(f'{cut(name)} is a topic of the recording and one of the results: {remedy}')
         copies = [recording.topics[name] for name in sorted(self.copied)]
         return [*(OutputTopic(name, kind, ROS2) for name, kind in own),
                 *(OutputTopic(topic.name, topic.message_type, recording.typestore, topic.qos) for topic in copies)]
@@ -65,7 +67,7 @@ class Outputs:
 def pixels_of(image: Any) -> NDArray[np.float32]:
     """The values of a sensor_msgs/Image of encoding 32FC1, float32 (H, W). Raises ValueError for another encoding."""
     if image.encoding != '32FC1':
-        raise ValueError(f'encoding {image.encoding!r} holds no disparity: it must be 32FC1')
+        raise ValueError(f'encoding {shown(image.encoding)} holds no disparity: it must be 32FC1')
     stored = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, :4 * image.width]
     values = np.ascontiguousarray(stored).view('>f4' if image.is_bigendian else '<f4')
     return values if sys.byteorder == 'little' and not image.is_bigendian else values.astype(np.float32)

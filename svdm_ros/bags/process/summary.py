@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...command_line.user_files import shown
+from svdm_core.shown import shown
+
 from ..reading.pair_stream import PairingCounts
 from .outputs import pixels_of
 

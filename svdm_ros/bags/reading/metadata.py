@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
-from ...command_line.user_files import METADATA, Limits, RefusedFileError, check_regular, parse_yaml, read_yaml
+from svdm_core.files.user_files import METADATA, Limits, RefusedFileError, check_regular, parse_yaml, read_yaml
 
 METADATA_FILE = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'

@@ -17,7 +17,9 @@ from rosbags.interfaces import Connection, Qos
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from ...command_line.user_files import Limits, RefusedFileError, check_regular, cut
+from svdm_core.files.user_files import Limits, RefusedFileError, check_regular
+from svdm_core.shown import cut
+
 from .metadata import check_metadata
 
 _STORAGES = ('.mcap', '.db3')

@@ -5,6 +5,8 @@ import dataclasses
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import PurePosixPath
 
+from svdm_core.shown import cut
+
 from .recording import RecordingError, Topic
 
 IMAGE = 'sensor_msgs/msg/Image'
@@ -56,10 +58,10 @@ def _named(images: set[str], left: str | None, right: str | None) -> tuple[str, 
     if not (left and right):
         raise RecordingError('--left and --right belong together: name both topics')
     if left == right:
-        raise RecordingError(f'--left and --right are both {left}: a pair needs two topics')
+        raise RecordingError(f'--left and --right are both {cut(left)}: a pair needs two topics')
     for name in (left, right):
         if name not in images:
-            raise RecordingError(f'no images on {name}: there are images on {", ".join(sorted(images))}')
+            raise RecordingError(f'no images on {cut(name)}: there are images on {", ".join(map(cut, sorted(images)))}')
     return left, right
 
 
@@ -70,11 +72,11 @@ def _only_one(images: set[str], found: list[Topic], first: Callable[[str], bool]
     if len(pairs) == 1:
         return pairs[0]
     if pairs:
-        several = '; '.join(f'--left {left} --right {right}' for left, right in pairs)
+        several = '; '.join(f'--left {cut(left)} --right {cut(right)}' for left, right in pairs)
         raise RecordingError(f'{len(pairs)} stereo pairs in it, choose one: {several}')
     lone = [(name, partner) for name in sorted(images) for partner in _partners(name)]
     if lone:
-        raise RecordingError(f'only one side: images on {lone[0][0]} but none on {lone[0][1]}; '
+        raise RecordingError(f'only one side: images on {cut(lone[0][0])} but none on {cut(lone[0][1])}; '
                              f'name the topics with --left and --right: {_listed(found)}')
     raise RecordingError(f'no stereo pair found by name: name the topics with --left and --right: {_listed(found)}')
 
@@ -120,5 +122,5 @@ def _ground_truth(topics: Mapping[str, Topic]) -> str | None:
 
 def _listed(topics: Iterable[Topic]) -> str:
     """Name, type and count of each."""
-    texts = [f'{topic.name} ({topic.message_type.rpartition("/")[2]}, {topic.count})' for topic in topics]
+    texts = [f'{cut(topic.name)} ({cut(topic.message_type.rpartition("/")[2])}, {topic.count})' for topic in topics]
     return f'it holds {", ".join(texts)}' if texts else 'it is empty'

@@ -19,7 +19,9 @@ import yaml
 from rosbags.interfaces import Qos
 from rosbags.typesys.store import Typestore
 
-from ...command_line.user_files import METADATA, cut, read_text
+from svdm_core.files.user_files import METADATA, read_text
+from svdm_core.shown import cut
+
 from ..reading.metadata import METADATA_FILE, ROOT, read_metadata
 from ..reading.recording import RecordingError, open_recording
 from .mcap_storage import BagWriter

@@ -42,7 +42,7 @@ class Installation:
         for name, text in SMALL_PACKAGE.items():
             (self.package / name).parent.mkdir(parents=True, exist_ok=True)
             (self.package / name).write_text(text)
-        for name in ('cache.py', 'compilation.py'):
+        for name in ('cache.py', 'cache_files.py', 'compilation.py'):
             shutil.copy2(CORE / 'kernels' / name, self.package / 'kernels')
         self.home, self.temporary = folder / 'home', folder / 'tmp'
         self.home.mkdir()
