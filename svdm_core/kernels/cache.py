@@ -21,7 +21,7 @@ from typing import Any
 import numba
 
 _SETTINGS: Any = numba.config  # comes without types
-_PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = ('kernels', 'matching_cost', 'cost_aggregation', 'disparity_optimization', 'disparity_refinement')
 """All that a kernel can be compiled from. Modules outside must neither hold kernels nor constants of kernels."""
 _PREFIX = 'svdm_kernels_'
@@ -54,7 +54,7 @@ def cache_folder() -> Path | None:
 def _places() -> Iterator[Path]:
     if _SETTINGS.CACHE_DIR:
         yield Path(_SETTINGS.CACHE_DIR).absolute()
-    yield _PACKAGE / '__pycache__'
+    yield PACKAGE / '__pycache__'
     for base in (os.environ.get('XDG_CACHE_HOME', ''), os.path.expanduser('~/.cache')):
         if os.path.isabs(base):
             yield Path(base) / 'svdm_core'
@@ -64,8 +64,8 @@ def fingerprint() -> str:
     """Changes with the sources of the kernels and with numba."""
     digest = hashlib.sha256(numba.__version__.encode())
     for folder in _KERNEL_FOLDERS:
-        for source in sorted((_PACKAGE / folder).rglob('*.py')):
-            name = source.relative_to(_PACKAGE).as_posix()
+        for source in sorted((PACKAGE / folder).rglob('*.py')):
+            name = source.relative_to(PACKAGE).as_posix()
             digest.update(b'\0'.join([b'', name.encode(), source.read_bytes()]))
     return digest.hexdigest()[:16]
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.core import caching
 
-from .cache import cache_folder, is_only_ours
+from .cache import PACKAGE, cache_folder, is_only_ours
 
 _DIGEST = hashlib.sha256
 _DIGEST_SIZE = _DIGEST().digest_size
@@ -32,11 +32,18 @@ def kernel_cache(function: Callable[..., Any]) -> Any:
 
 
 class _Locator(caching.UserProvidedCacheLocator):
-    """In `cache_folder()`, and nowhere else."""
+    """In `cache_folder()`, and nowhere else. The package's kernels are found by their place in it: the folder stands
+    for its sources, so it serves all copies of them, in a checkout as in an installation."""
 
     def __init__(self, function: Callable[..., Any], source: str) -> None:
         super().__init__(function, source)
-        self._cache_path = os.path.join(str(cache_folder()), self.get_suitable_cache_subpath(source))
+        file = Path(source).resolve()
+        self._is_own = file.is_relative_to(PACKAGE)
+        place = file.parent.relative_to(PACKAGE) if self._is_own else self.get_suitable_cache_subpath(source)
+        self._cache_path = str(Path(str(cache_folder()), place))
+
+    def get_source_stamp(self) -> Any:
+        return '' if self._is_own else super().get_source_stamp()
 
     @classmethod
     def from_function(cls, function: Callable[..., Any], source: str) -> _Locator:
