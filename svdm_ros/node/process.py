@@ -29,10 +29,10 @@ _BAD_REQUEST = (ValueError, TypeError, AssertionError)
 def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     try:
+        check_parameter_files(sys.argv if arguments is None else arguments)  # rcl opens them with the first call
         answered = answer(remove_ros_args(arguments)[1:])
         if answered is not None:
             return answered
-        check_parameter_files(sys.argv if arguments is None else arguments)
         configure()
         rclpy.init(args=arguments)
     except (RuntimeError, RefusedFileError) as error:

@@ -19,6 +19,7 @@ from svdm_ros.bags.images.ground_truth import read_truth
 from svdm_ros.bags.images.image_files import find_pairs, read_pixels
 from svdm_ros.bags.reading.recording import RecordingError, open_recording
 from svdm_ros.calibration.calibration_files import read_calibration
+from svdm_ros.node.process import run
 from svdm_ros.node.usage import check_parameter_files
 
 LENGTHS = (10**5, 10**6)
@@ -232,6 +233,13 @@ def test_what_is_no_file_is_refused_as_parameters_of_the_node_preset_and_storage
     assert f'my.yaml is {kind}' in line_of(check_parameter_files, ['x', '--ros-args', '--params-file', str(path)])
     assert f'my.yaml is {kind}' in line_of(load_preset, path)
     assert f'my.yaml is {kind}' in line_of(FigureStore, path)
+
+
+def test_the_node_looks_at_its_parameter_files_before_rcl_opens_them(tmp_path, capfd):
+    path = tmp_path / 'my.yaml'
+    make_pipe(path)
+    assert run(None, ['x', '--ros-args', '--params-file', str(path)]) == 2
+    assert f'not started: {path} is a pipe (FIFO): give a regular file' in capfd.readouterr().err
 
 
 def test_parameter_files_of_the_node_are_left_to_rcl_otherwise(tmp_path):
