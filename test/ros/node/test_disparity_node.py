@@ -63,7 +63,7 @@ def test_every_field_of_the_disparity_image(client):
     assert (image.is_bigendian, len(image.data)) == (0, 4 * WIDTH * HEIGHT)
     assert message.f == FOCAL_LENGTH
     assert message.t == pytest.approx(BASELINE)
-    assert (message.min_disparity, message.max_disparity) == (2 - PRINCIPAL_OFFSET, 17 - PRINCIPAL_OFFSET)
+    assert (message.min_disparity, message.max_disparity) == (1.5 - PRINCIPAL_OFFSET, 17.5 - PRINCIPAL_OFFSET)
     assert message.delta_d == 1.0
     window = message.valid_window
     assert (window.x_offset, window.y_offset, window.width, window.height) == (0, 0, WIDTH, HEIGHT)
@@ -87,7 +87,7 @@ def test_a_parameter_change_takes_effect_on_the_next_frame(client):
         results = client.set_parameters(num_disparities=count, subpixel=subpixel)
         assert all(result.successful for result in results.values())
         message = client.exchange(*dots())
-        assert message.max_disparity - message.min_disparity == count - 1
+        assert message.max_disparity - message.min_disparity == count
         assert (message.delta_d == 1.0) is not subpixel
 
 
@@ -111,16 +111,16 @@ def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(client, name,
     assert not result.successful
     assert told in result.reason
     assert client.get_parameters(*DEFAULTS) == before
-    assert client.exchange(*dots()).max_disparity == 63 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 63.5 - PRINCIPAL_OFFSET
 
 
 def test_a_set_is_taken_as_a_whole_or_not_at_all(client):
     refused = client.set_atomically(num_disparities=24, gradient='vertical')
     assert not refused.successful
-    assert client.exchange(*dots()).max_disparity == 63 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 63.5 - PRINCIPAL_OFFSET
     assert client.get_parameters('num_disparities') == {'num_disparities': 64}
     assert client.set_atomically(num_disparities=24, gradient='magnitude').successful
-    assert client.exchange(*dots()).max_disparity == 23 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 23.5 - PRINCIPAL_OFFSET
 
 
 def test_a_whole_number_is_taken_for_a_double(client):

@@ -188,7 +188,7 @@ def test_the_error_against_ground_truth_is_told(run, tmp_path):
 
 @pytest.mark.parametrize('kind', ['mp4', 'png'])
 def test_a_preview_shows_every_disparity(bag, run, tmp_path, kind):
-    run(bag, '--preview', kind)
+    run(bag, '--preview', kind, '--outputs', 'disparity,preview')
     if kind == 'mp4':
         film = cv2.VideoCapture(str(tmp_path / 'out' / 'preview.mp4'))
         frames = list(itertools.takewhile(lambda frame: frame is not None, (film.read()[1] for _ in range(9))))
@@ -196,6 +196,8 @@ def test_a_preview_shows_every_disparity(bag, run, tmp_path, kind):
         names = sorted((tmp_path / 'out' / 'preview').iterdir())
         assert [name.stem for name in names] == [str(stamp(index)) for index in range(5)]
         frames = [cv2.imread(str(name)) for name in names]
+        live = [message for _, message in messages_of(tmp_path / 'out', '/disparity/preview')]
+        np.testing.assert_array_equal(frames, [message.data.reshape(60, 90, 3) for message in live])
     assert [frame.shape for frame in frames] == [(60, 90, 3)] * 5
     assert all(frame.std() > 20 for frame in frames)
 
