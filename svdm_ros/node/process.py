@@ -13,6 +13,7 @@ from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
 from svdm_core.runtime import configure
 
+from ..processes.dds_profile import image_profile
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
 from .usage import answer
@@ -41,7 +42,8 @@ def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
 def _run_node(signals: EndSignals) -> int:
     code, node, idle = 0, None, True
     try:
-        node = DisparityNode()
+        with image_profile():
+            node = DisparityNode()
         _spin(node)
     except Exception as error:
         # A signal shuts the context down under whatever runs, which then raises; that is no error.

@@ -55,6 +55,11 @@ class Session:
         self._node.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
 
+    def close(self) -> None:
+        """Listen no more."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+
     def wait_for(self, done: Callable[[], bool], timeout: float, complaint: str) -> None:
         """Receive until `done()`; RunError with `complaint` after `timeout` s."""
         end = time.monotonic() + timeout
