@@ -131,11 +131,11 @@ def test_other_sizes_in_a_row_go_through(client):
 
 
 def test_a_topic_that_cannot_be_opened_later_is_told_and_the_node_goes_on(tmp_path):
-    with running_node(tmp_path, '-p', 'num_disparities:=16', '-p',
-                      'qos_overrides./right/image_raw.subscription.reliability:=nonsense') as (node, client):
+    other = '-r', 'right/image_raw:=right/camera_info'
+    with running_node(tmp_path, '-p', 'num_disparities:=16', *other) as (node, client):
         client.wait_for_node()
         assert client.set_atomically(input='raw').successful
-        client.wait_for_trouble('make no QoS')
+        client.wait_for_trouble('right/camera_info cannot be opened, is another topic remapped to it?')
         client.counts()
         client.counts()
         # An attempt each second opens the left topic for a moment.
