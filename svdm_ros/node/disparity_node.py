@@ -67,7 +67,7 @@ class DisparityNode(Node):
         self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(SIDES)
         self._pairer: StereoPairer[AnyImage] = StereoPairer()
         self._wired = False
-        self._compiling = ''
+        self._compiling = self._hint = ''
         self._unpaired_before: Counter[SideName] = Counter()
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
@@ -294,6 +294,10 @@ class DisparityNode(Node):
             self._say_compiled()
         self._outputs.publish(done.frame)
         self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
+        if done.hint != self._hint:  # said once: it is no fault
+            self._hint = done.hint
+            if done.hint:
+                self.get_logger().info(done.hint)
         if done.problem:
             geometry = done.frame.geometry
             known = f'f = {geometry.focal_length:g}, t = {geometry.baseline:g}'

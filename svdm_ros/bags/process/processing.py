@@ -183,8 +183,7 @@ class _Run:
             progress.notes['the images were rectified by the calibration given'] += 1
         if not frame.raw:
             progress.notes.update(self._unrectified(pair))
-        if result.problem:
-            progress.notes[result.problem] += 1
+        progress.notes.update(filter(None, (result.problem, result.hint)))
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
         return self._outputs.messages(pair, result.frame)

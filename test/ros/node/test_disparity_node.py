@@ -71,6 +71,18 @@ def test_every_field_of_the_disparity_image(client):
     assert np.mean(right_of_border == SHIFT - PRINCIPAL_OFFSET) > 0.98
 
 
+def test_a_search_that_begins_nearer_than_infinity_is_told_once_and_not_as_a_warning(node, client):
+    text = 'infinity lies at 2.5 px'
+    for start in (4, 4, 5):
+        assert client.set_atomically(min_disparity=start).successful
+        for _ in range(2):
+            client.exchange(*dots())
+    client.spin_until(lambda: 'begins at 5 px' in node.log, 'the hint')
+    lines = [line for line in node.log.splitlines() if text in line]
+    assert sum('begins at 4 px' in line for line in lines) == sum('begins at 5 px' in line for line in lines) == 1
+    assert all('[INFO]' in line and 'set min_disparity to 2' in line for line in lines)
+
+
 def test_only_checked_pixels_on_demand(client):
     assert client.set_atomically(publish_filled=False, min_disparity=3, subpixel=False).successful
     message = client.exchange(*dots())
