@@ -85,6 +85,7 @@ def measure(
             listener.wait_for_node(START_TIMEOUT)
             listener.wait_until_ready(COMPILE_TIMEOUT, 'the kernels were not ready')
             camera = start('camera', 'svdm_ros.processes.camera', '--rate', str(rate), '--size', *map(str, size))
+            listener.listen(START_TIMEOUT)
             listener.wait_for(lambda: bool(listener.times), START_TIMEOUT, 'no disparity image arrived')
             end = time.monotonic() + WARM_UP + seconds
             listener.wait_for(lambda: time.monotonic() > end, 2 * (WARM_UP + seconds), 'the clock stood still')
