@@ -317,9 +317,10 @@ def raw_infos():
                                       ('right', (-0.01, 0.02, -0.015), -RAW_FOCAL * RAW_BASELINE))}
 
 
-def raw_recording(path, with_infos):
+def raw_recording(path, with_infos, together=False):
     entries = []
     for index in range(2):
+        views = []
         for side, info in raw_infos().items():
             message = recordings.camera_info(side, stamp(index))
             for name in ('width', 'height', 'distortion_model'):
@@ -327,8 +328,10 @@ def raw_recording(path, with_infos):
             for name in 'dkrp':
                 setattr(message, name, np.array(getattr(info, name), np.float64).ravel())
             entries += [(f'/{side}/camera_info', stamp(index), message)] * with_infos
-            pixels = planes.render(info, raw=True)[0]
-            entries.append((f'/{side}/image_raw', stamp(index), recordings.image(pixels, stamp(index))))
+            views.append(planes.render(info, raw=True)[0])
+        images = {'/image_raw': np.hstack(views)} if together else dict(
+            zip(('/left/image_raw', '/right/image_raw'), views, strict=True))
+        entries += [(topic, stamp(index), recordings.image(pixels, stamp(index))) for topic, pixels in images.items()]
     return write(path, entries)
 
 
@@ -347,6 +350,13 @@ def test_raw_images_are_rectified_where_that_is_asked_for_and_told_where_not(run
     [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
     assert median_error(depth) < 0.02
     assert len(messages_of(tmp_path / 'out', '/left/image_rect')) == 2
+
+
+def test_raw_images_of_both_views_are_rectified_each_by_its_own_camera_info(run, tmp_path):
+    bag = raw_recording(tmp_path / 'raw_bag', with_infos=True, together=True)
+    run(bag, '--set', 'layout=side_by_side', 'input=raw', 'num_disparities=32', '--outputs', 'depth')
+    [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
+    assert median_error(depth) < 0.02
 
 
 def test_the_calibration_of_raw_cameras_rectifies_their_images(tmp_path):
