@@ -54,7 +54,8 @@ def _parser() -> argparse.ArgumentParser:
     source.add_argument('--params', type=Path, metavar='FILE', help='parameter file, as ros2 takes it')
     parser.add_argument('--set', nargs='+', action='extend', default=[], dest='changes', metavar='NAME=VALUE',
                         help="change parameters of it, the matcher's and the node's")
-    parser.add_argument('--left', metavar='TOPIC', help='left images (found where there is one pair)')
+    parser.add_argument('--left', metavar='TOPIC',
+                        help='left images (found where there is one pair); with layout=side_by_side the one topic')
     parser.add_argument('--right', metavar='TOPIC', help='right images')
     parser.add_argument('--calib', type=Path, action='append', metavar='FILE',
                         help='calibration in place of camera_info, of KITTI, EuRoC, Middlebury v3 or ROS; twice for '

@@ -71,10 +71,12 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
 def _line(settings: dict[str, Any], figures: dict[str, Any]) -> str:
     width, height = settings['size']
     latency, matcher = figures['latency_ms'], figures['matcher_ms']
+    first = figures['first_output_s']
     took = f'; the matcher took {matcher:.1f} ms of the mean' if matcher is not None else ''
     return (f'{width}x{height} grey, preset {settings["preset"]}: {figures["in_hz"]:.1f} Hz in, '
             f'{figures["out_hz"]:.1f} Hz out; from stamp to receipt mean {latency["mean"]:.1f}, '
-            f'p50 {latency["p50"]:.1f}, p90 {latency["p90"]:.1f}, p99 {latency["p99"]:.1f} ms{took}')
+            f'p50 {latency["p50"]:.1f}, p90 {latency["p90"]:.1f}, p99 {latency["p99"]:.1f} ms{took}; a new '
+            f'listener has its first image after {min(first):.2f} to {max(first):.2f} s')
 
 
 if __name__ == '__main__':

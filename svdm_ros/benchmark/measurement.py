@@ -24,6 +24,7 @@ from ..processes.camera import SENT
 from ..processes.children import Child, RunError, isolated_environment
 from ..processes.dds_profile import write_profile
 from ..processes.session import Session
+from .first_output import first_outputs
 
 START_TIMEOUT, COMPILE_TIMEOUT = 30.0, 240.0  # s
 WARM_UP = 3.0  # s left out at the beginning
@@ -84,11 +85,14 @@ def measure(
             listener.wait_for_node(START_TIMEOUT)
             listener.wait_until_ready(COMPILE_TIMEOUT, 'the kernels were not ready')
             camera = start('camera', 'svdm_ros.processes.camera', '--rate', str(rate), '--size', *map(str, size))
+            listener.listen(START_TIMEOUT)
             listener.wait_for(lambda: bool(listener.times), START_TIMEOUT, 'no disparity image arrived')
             end = time.monotonic() + WARM_UP + seconds
             listener.wait_for(lambda: time.monotonic() > end, 2 * (WARM_UP + seconds), 'the clock stood still')
             sent = [int(line.split()[1]) for line in camera.output().splitlines() if line.startswith(SENT)]
-            return figures(sent, listener.times, listener.matcher, seconds, listener.counts)
+            found = figures(sent, listener.times, listener.matcher, seconds, listener.counts)
+            listener.close()
+            return {**found, 'first_output_s': first_outputs(check_all)}
         finally:
             for child in reversed(children):
                 child.stop()

@@ -39,8 +39,8 @@ def main() -> int:
 
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='svdm_demo', description=__doc__)
-    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for picture and summary')
-    parser.add_argument('--frames', type=count, default=20, help='disparity images before and after each')
+    parser.add_argument('--output', type=Path, default=Path('demo_output'), help='folder for pictures and summary')
+    parser.add_argument('--frames', type=count, default=20, help='disparity images of each phase')
     parser.add_argument('--rate', type=positive, default=10.0, help='stereo pairs sent a second')
     return parser.parse_args()
 

@@ -43,14 +43,14 @@ class Display:
         self._progress.update(task, total=total or 1, completed=total or 1)
 
     def result(self, summary: Mapping[str, Any]) -> None:
-        """The table before/after and the line on the traffic."""
-        before, after = summary['before'], summary['after']
-        table = Table(title='disparity_node before and after the change of parameters', title_justify='left')
-        for heading in ('over all known ground truth', 'before', 'after'):
+        """The table of the three phases and the line on the traffic."""
+        phases = summary['before'], summary['after'], summary['default']
+        table = Table(title="disparity_node before and after the paper's change of parameters, and with preset default",
+                      title_justify='left')
+        for heading in ('over all known ground truth', 'before', 'after', 'default'):
             table.add_column(heading, justify='left' if heading.startswith('over') else 'right')
         for key, meaning, unit in ROWS:
-            table.add_row(meaning, f'{before[key]:.2f} {unit}', f'{after[key]:.2f} {unit}')
-        phases = before, after
+            table.add_row(meaning, *(f'{phase[key]:.2f} {unit}' for phase in phases))
         table.add_row('from sending to receipt, median', *(f'{phase["latency_ms"]["p50"]:.0f} ms' for phase in phases))
         table.add_row('disparity images a second', *(f'{phase["fps"]:.1f}' for phase in phases))
         self._console.print(table)

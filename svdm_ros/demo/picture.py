@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 matplotlib.use('Agg')  # files only; no display is needed
-from matplotlib import pyplot as plt
+from matplotlib import pyplot as pyplot
 from matplotlib.axes import Axes
 
 from ..processes.scene import NUM_DISPARITIES, Scene
@@ -24,7 +24,7 @@ def draw_comparison(
     path: Path, scene: Scene, before: NDArray[np.float32], after: NDArray[np.float32], summary: Mapping[str, Any]
 ) -> None:
     """Write the PNG. before, after: x_l - x_r in px, (H, W), NaN where invalid; summary: as in summary.json."""
-    figure, axes = plt.subplots(2, 3, figsize=(17, 7.9), layout='constrained')
+    figure, axes = pyplot.subplots(2, 3, figsize=(17, 7.9), layout='constrained')
     (left, disparity_before, error_before), (truth, disparity_after, error_after) = axes
     figure.suptitle(_headline(summary), fontsize=14)
 
@@ -43,7 +43,7 @@ def draw_comparison(
         ax.set_xticks([])
         ax.set_yticks([])
     figure.savefig(path, dpi=DOTS_PER_INCH)
-    plt.close(figure)
+    pyplot.close(figure)
 
 
 def _headline(summary: Mapping[str, Any]) -> str:

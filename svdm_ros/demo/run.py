@@ -24,11 +24,13 @@ from ..processes.dds_profile import write_profile
 from ..processes.scene import MOTORCYCLE, NUM_DISPARITIES, Scene, load_scene
 from ..processes.session import Frame, Session
 from . import summary as figures
+from .depth_picture import draw_depth
+from .depth_view import DepthView, Space
 from .display import Display
 from .output_folder import prepare_output_folder
 from .picture import draw_comparison
 
-START_PRESET, TUNED_PRESET = 'paper_start', 'paper'
+START_PRESET, TUNED_PRESET, LAST_PRESET = 'paper_start', 'paper', 'default'
 TUNED = ('alpha', 'sigma_s', 'sigma_c', 'w_p')  # what the paper's study optimises
 START_TIMEOUT = 30.0  # s
 COMPILE_TIMEOUT = 180.0  # s, on a slow machine
@@ -37,7 +39,7 @@ FRAME_TIMEOUT = 20.0  # s
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Settings:
-    """output: folder for the result. frames: to be received before and after each. rate: pairs sent a second, Hz."""
+    """output: folder for the result. frames: to be received in each phase. rate: pairs sent a second, Hz."""
 
     output: Path
     frames: int = 20
@@ -46,16 +48,21 @@ class Settings:
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Recording:
-    """What a run has gathered: the frames of either phase, everything received, and the traffic's numbers."""
+    """What a run has gathered: the frames of each phase, everything received, and the traffic's numbers.
+
+    before, after the change of parameters; last: with LAST_PRESET, and space, what came with one of these.
+    """
 
     before: Sequence[Frame]
     after: Sequence[Frame]
+    last: Sequence[Frame]
+    space: Space
     received: Sequence[Frame]
     traffic: figures.Traffic
 
 
 def run_demo(settings: Settings) -> dict[str, Any]:
-    """Run it all and write comparison.png and summary.json; returns the summary. Raises RunError."""
+    """Run it all and write the pictures and summary.json; returns the summary. Raises RunError."""
     folder = prepare_output_folder(settings.output)
     os.environ.update(isolated_environment(
         folder / 'ros_log', write_profile(preset_folder() / 'fastdds.xml', folder / 'fastdds.xml')))
@@ -64,7 +71,7 @@ def run_demo(settings: Settings) -> dict[str, Any]:
         with display.stage('Comparing with the ground truth, drawing'):
             summary = evaluate(recording, folder)
     display.result(summary)
-    for name in ('comparison.png', 'summary.json'):
+    for name in ('comparison.png', 'depth.png', 'summary.json'):
         display.line(f'written: {os.path.relpath(folder / name)}')
     return summary
 
@@ -92,6 +99,7 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
             camera = _started(stack, Child(
                 'camera', folder / 'publisher.log', 'svdm_ros.processes.camera', '--rate', str(settings.rate)))
             children.append(camera)
+            session.listen(START_TIMEOUT)
             session.wait_for(lambda: bool(session.frames), START_TIMEOUT, 'no disparity image arrived')
         with display.stage(f'Receiving with preset {START_PRESET}', settings.frames) as progress:
             before = session.collect(settings.frames, 0, FRAME_TIMEOUT, progress)
@@ -103,28 +111,41 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
             # Sent after the node's consent: matched with the new set. A frame in work at the change belongs to neither.
             after = session.collect(settings.frames, changed_at, FRAME_TIMEOUT, progress)
 
+        with display.stage(f'Setting preset {LAST_PRESET} while it runs, listening to depth and points'):
+            view = DepthView(session)
+            changed_at = session.set_parameters(load_preset(LAST_PRESET).as_dict())
+            space = view.wait(changed_at, COMPILE_TIMEOUT)
+        with display.stage(f'Receiving with preset {LAST_PRESET}', settings.frames) as progress:
+            last = session.collect(settings.frames, changed_at, FRAME_TIMEOUT, progress)
+
         with display.stage('Stopping the camera, counting'):
             children.remove(camera)
             camera.stop()
             sent = camera.output().count(SENT)
             session.wait_until_settled(sent)
         traffic = figures.Traffic(sent, len(session.frames), session.superseded())
-        return Recording(before, after, session.frames, traffic)
+        return Recording(before, after, last, space, session.frames, traffic)
 
 
 def evaluate(recording: Recording, folder: Path) -> dict[str, Any]:
-    """Judge the last frame of either phase; writes comparison.png and summary.json, returns the summary."""
+    """Judge the last frame of each phase; writes the pictures and summary.json, returns the summary."""
     scene = load_scene()
     offsets = {name: figures.pixel_offset(frames[-1].disparity, MOTORCYCLE.principal_offset)
-               for name, frames in (('before', recording.before), ('after', recording.after))}
+               for name, frames in (('before', recording.before), ('after', recording.after),
+                                    (LAST_PRESET, recording.last))}
     summary = {
         **recording.traffic.as_dict(),
         **figures.speed(recording.received),
         'before': _phase(recording.before, offsets['before'], scene),
         'after': _phase(recording.after, offsets['after'], scene),
+        LAST_PRESET: _phase(recording.last, offsets[LAST_PRESET], scene),
         'changed': figures.changed(_values(START_PRESET), _values(TUNED_PRESET)),
     }
     draw_comparison(folder / 'comparison.png', scene, offsets['before'], offsets['after'], summary)
+    draw_depth(folder / 'depth.png', scene, recording.space,
+               f'What a robot gets from the same node with preset {LAST_PRESET}: depth and points, from '
+               f'{len(recording.space.points):,} pixels of a pair; mean error of the disparity '
+               f'{summary[LAST_PRESET]["avgerr"]:.2f} px')
     (folder / 'summary.json').write_text(json.dumps(summary, indent=2) + '\n')
     return summary
 

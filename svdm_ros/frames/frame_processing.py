@@ -12,7 +12,7 @@ from svdm_core import DisparityResult, NotEnoughMemoryError, StereoMatcher
 from ..calibration.geometry import stereo_geometry
 from .filtering import known_pixels, nothing_left
 from .matched_frame import MatchedFrame
-from .preparation import PreparedPair, prepare, with_search_range
+from .preparation import PreparedPair, beyond_reach, prepare, with_search_range
 from .row_offsets import RectificationCheck
 from .temporal_filter import TemporalFilter
 from .views import FrameError, StereoFrame, Views
@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 @dataclasses.dataclass(frozen=True, slots=True)
 class ProcessedFrame:
     """What came of a pair, the milliseconds a stage, and why it may be wrong: camera_info, search range, exposure, or
-    nothing that is known (empty: all is well)."""
+    nothing that is known (empty: all is well). hint: what cannot be found with these settings, if it is there."""
 
     frame: MatchedFrame
     timings: dict[str, float]
     problem: str
+    hint: str = ''
 
 
 class FrameProcessor:
@@ -76,7 +77,8 @@ class FrameProcessor:
                                parameters)
         nothing = '' if known.any() else nothing_left(parameters)
         notes = whole.problem, range_problem, pair.note, nothing
-        return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)))
+        return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)),
+                              beyond_reach(pair.geometry, parameters.matcher.min_disparity))
 
     def _match(self, pair: PreparedPair, parameters: NodeParameters) -> DisparityResult:
         matcher = self._matcher_for(parameters)

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from ..calibration.geometry import StereoGeometry
     from ..node.parameter_set import NodeParameters
 
+END_MARGIN = 0.5
+"""px; by so much the min_disparity and max_disparity of a message lie outside the disparities that occur: some readers
+drop values that are equal to them."""
+
 
 @dataclasses.dataclass(frozen=True)
 class MatchedFrame:
@@ -43,12 +47,13 @@ class MatchedFrame:
 
     @functools.cached_property
     def published(self) -> NDArray[np.float32]:
-        """float32 (H, W), px: d = x_left - x_right - (cx_left - cx_right); min_disparity - 1 where there is none.
+        """float32 (H, W), px: d = x_left - x_right - (cx_left - cx_right); 1 px below the message's min_disparity
+        where there is none.
 
         All in float32, so that no disparity is rounded to below the smallest.
         """
         values = self.disparity - np.float32(self.geometry.principal_offset)
-        np.copyto(values, self.limits[0] - np.float32(1), where=~self.known)
+        np.copyto(values, self.limits[0] - np.float32(END_MARGIN + 1), where=~self.known)
         return values
 
     @functools.cached_property

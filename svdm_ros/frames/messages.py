@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .matched_frame import END_MARGIN
+
 if TYPE_CHECKING:
     from svdm_core import MatcherParameters
 
@@ -61,9 +63,10 @@ def _byte_array_room(shape: tuple[int, ...]) -> tuple[array.array[int], NDArray[
 def disparity_image(frame: MatchedFrame, types: MessageTypes) -> Any:
     """stereo_msgs/DisparityImage, in the convention d = x_left - x_right - (cx_left - cx_right).
 
-    Everything that is a disparity is shifted by the principal offset, the ends of the search range as well. Where there
-    is none it is min_disparity - 1, below the range as stereo_msgs defines invalid. delta_d is the step of the result;
-    where that can be any float32, their spacing at the far end of the range.
+    Everything that is a disparity is shifted by the principal offset, the ends of the search range as well, which the
+    message has END_MARGIN further out. Where there is none it is min_disparity - 1, below the range as stereo_msgs
+    defines invalid. delta_d is the step of the result; where that can be any float32, their spacing at the far end of
+    the range.
     """
     smallest, largest = frame.limits
     filled = frame.parameters.publish_filled and frame.parameters.confidence_threshold == 0
@@ -73,8 +76,8 @@ def disparity_image(frame: MatchedFrame, types: MessageTypes) -> Any:
         f=frame.geometry.focal_length,
         t=frame.geometry.baseline,
         valid_window=_valid_window(frame.disparity.shape, None if filled else frame.parameters.matcher, types),
-        min_disparity=float(smallest),
-        max_disparity=float(largest),
+        min_disparity=float(smallest) - END_MARGIN,
+        max_disparity=float(largest) + END_MARGIN,
         delta_d=frame.step or float(np.spacing(max(abs(smallest), abs(largest)))),
     )
 

@@ -70,9 +70,8 @@ def with_search_range(parameters: NodeParameters, geometry: StereoGeometry) -> t
 
     Both are checked and made once for a stream of pairs, not for each.
     """
-    beyond = _beyond_reach(geometry, parameters.matcher.min_disparity)
     if parameters.min_depth == 0:
-        return parameters, beyond
+        return parameters, ''
     distance = geometry.focal_length * geometry.baseline
     if distance == 0:
         return parameters, 'min_depth is not used, as the focal length or the baseline is not known'
@@ -83,13 +82,18 @@ def with_search_range(parameters: NodeParameters, geometry: StereoGeometry) -> t
     problem = '' if wanted == count else (
         f'min_depth = {parameters.min_depth:g} m takes disparities {start} to {start + wanted - 1} px, and {count} of '
         f'them, from {start} on, are searched: set downscale, min_disparity or another min_depth')
-    return parameters.replace({'num_disparities': count}), problem or beyond
+    return parameters.replace({'num_disparities': count}), problem
 
 
-def _beyond_reach(geometry: StereoGeometry, start: int) -> str:
-    """What is lost where the principal points differ and the search begins nearer than infinity."""
+def beyond_reach(geometry: StereoGeometry, start: int) -> str:
+    """What is not searched where the principal points differ and the search begins nearer than infinity, or empty.
+
+    start: min_disparity, px. It is no fault: nothing may be that far.
+    """
     infinity = geometry.principal_offset
     if abs(infinity) < 1 or start <= infinity:
         return ''
-    return (f'the principal points differ by {infinity:g} px, so that infinity lies at a disparity of {infinity:g} px, '
-            f'and the search begins at {start} px: set min_disparity to {math.floor(infinity)}')
+    distance = geometry.focal_length * geometry.baseline
+    farthest = f'beyond {distance / (start - infinity):.3g} m' if distance > 0 else 'far away'
+    return (f'nothing {farthest} is found, as the search begins at {start} px and infinity lies at {infinity:g} px, by '
+            f'which the principal points differ: set min_disparity to {math.floor(infinity)} if anything is there')

@@ -34,10 +34,11 @@ from .parameter_set import NodeParameters
 from .quality_of_service import (
     OVERRIDABLE,
     Entity,
+    check_overrides,
     incompatible_line,
     is_latched,
     latched_qos,
-    naming_overrides,
+    opening,
     override_names,
     sensor_qos,
 )
@@ -68,20 +69,18 @@ class DisparityNode(Node):
         self._infos: dict[SideName, CameraInfo | None] = dict.fromkeys(SIDES)
         self._pairer: StereoPairer[AnyImage] = StereoPairer()
         self._wired = False
-        self._compiling = ''
+        self._compiling = self._hint = ''
         self._unpaired_before: Counter[SideName] = Counter()
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
         self._use_parameters(self._settings.current)
         for name in self._settings.unknown:
             self.get_logger().warning(unknown_parameter_line(name, overrides))
-        # Noted before rclpy declares the rest of them, with each topic.
-        self._overrides_given = [name for name in overrides if self.has_parameter(name)]
+        check_overrides({name: self.get_parameter(name).value for name in overrides if self.has_parameter(name)})
 
         self._topics = ImageTopics.of(self._settings.current)
         self._image_subscriptions: list[Subscription] = []
-        self._outputs = OutputPublishers(self, lambda topic: naming_overrides(topic, self._overrides_given),
-                                         self._report_incompatible, self._heed_listeners)
+        self._outputs = OutputPublishers(self, self._report_incompatible, self._heed_listeners)
         self._outputs.adapt(self._settings.current)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
         self._rectification = RectificationCheck()
@@ -183,7 +182,7 @@ class DisparityNode(Node):
         self, message_type: type[Message], name: str, take: Callable[[Message], None]
     ) -> Subscription:
         topic = self.resolve_topic_name(name)
-        with naming_overrides(topic, self._overrides_given):
+        with opening(topic):
             return self.create_subscription(
                 message_type, name, take, sensor_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=SubscriptionEventCallbacks(
@@ -301,6 +300,10 @@ class DisparityNode(Node):
             self._say_compiled()
         self._outputs.publish(done.frame)
         self._statistics.count_published(time.monotonic() - frame.arrived, done.timings)
+        if done.hint != self._hint:  # said once: it is no fault
+            self._hint = done.hint
+            if done.hint:
+                self.get_logger().info(done.hint)
         if done.problem:
             geometry = done.frame.geometry
             known = f'f = {geometry.focal_length:g}, t = {geometry.baseline:g}'

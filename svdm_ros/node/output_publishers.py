@@ -5,7 +5,6 @@ import functools
 import importlib
 import threading
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks
@@ -16,26 +15,26 @@ from ..frames.matched_frame import MatchedFrame
 from ..frames.messages import rclpy_types
 from ..frames.outputs import OUTPUTS, Output
 from .parameter_set import NodeParameters
-from .quality_of_service import OVERRIDABLE, Entity, output_qos
+from .quality_of_service import OVERRIDABLE, Entity, opening, output_qos
 
 
 class OutputPublishers:
     """A publisher for each of OUTPUTS that there is; messages are made for those with subscribers only."""
 
     def __init__(
-        self, node: Node, opening: Callable[[str], AbstractContextManager[None]],
-        on_incompatible: Callable[[str, Entity, Any], None], on_listeners: Callable[[], None],
+        self, node: Node, on_incompatible: Callable[[str, Entity, Any], None], on_listeners: Callable[[], None]
     ) -> None:
-        """opening: around the making of a publisher of a topic; raises ValueError where it cannot be opened.
-        on_listeners: called when a subscriber comes or goes.
-        """
-        self._node, self._opening = node, opening
+        """on_listeners: called when a subscriber comes or goes."""
+        self._node = node
         self._on_incompatible, self._on_listeners = on_incompatible, on_listeners
         self._publishers: dict[Output, Publisher] = {}
         self._lock = threading.Lock()
 
     def adapt(self, parameters: NodeParameters) -> None:
-        """Have publishers for the outputs that there are under these parameters."""
+        """Have publishers for the outputs that there are under these parameters.
+
+        Raises ValueError where a topic cannot be opened.
+        """
         for output in OUTPUTS:
             if output.when(parameters) and output not in self._publishers:
                 self._publishers[output] = self._publisher(output)
@@ -48,7 +47,7 @@ class OutputPublishers:
         events = PublisherEventCallbacks(
             incompatible_qos=functools.partial(self._on_incompatible, topic, 'publisher'),
             matched=lambda _: self._on_listeners())
-        with self._opening(topic):
+        with opening(topic):
             return self._node.create_publisher(
                 _message_class(output.message_type), output.topic, output_qos(), qos_overriding_options=OVERRIDABLE,
                 event_callbacks=events)

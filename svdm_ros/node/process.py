@@ -15,6 +15,7 @@ from svdm_core.files.user_files import RefusedFileError
 from svdm_core.runtime import configure
 from svdm_core.shown import line
 
+from ..processes.dds_profile import image_profile
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
 from .usage import answer, check_parameter_files
@@ -44,7 +45,8 @@ def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
 def _run_node(signals: EndSignals) -> int:
     code, node, idle = 0, None, True
     try:
-        node = DisparityNode()
+        with image_profile():
+            node = DisparityNode()
         _spin(node)
     except Exception as error:
         # A signal shuts the context down under whatever runs, which then raises; that is no error.

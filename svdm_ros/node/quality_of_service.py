@@ -2,18 +2,22 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from ..command_line.user_files import shown
+
 Entity = Literal['publisher', 'subscription']
 
 OVERRIDABLE = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY)
 )
+_POLICIES = {'history': HistoryPolicy, 'reliability': ReliabilityPolicy, 'durability': DurabilityPolicy}
+_LARGEST_DEPTH = 2**31 - 1
 
 
 def sensor_qos() -> QoSProfile:
@@ -50,18 +54,32 @@ def override_names(topic: str, entity: Entity) -> Iterator[str]:
         yield f'qos_overrides.{topic}.{entity}.{policy.name.lower()}'
 
 
-@contextlib.contextmanager
-def naming_overrides(topic: str, given: Collection[str]) -> Iterator[None]:
-    """Around the making of a publisher or subscription: what a bad override raises, or the topic, becomes a ValueError.
+def check_overrides(given: Mapping[str, object]) -> None:
+    """Raise ValueError, in one line, where a value makes no QoS: of any topic, whether it is in use or not.
 
-    `given` are the names of the overrides set, of any topic.
+    given: by the names that `override_names` has.
     """
+    problems = [f'{name} = {shown(value)} is not allowed: it must be {allowed}' for name, value in given.items()
+                if (allowed := _allowed(name.rpartition('.')[2], value))]
+    if problems:
+        raise ValueError('; '.join(problems))
+
+
+def _allowed(policy: str, value: object) -> str:
+    """What a value of a policy must be; empty where it is that."""
+    if policy == 'depth':
+        is_depth = isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _LARGEST_DEPTH
+        return '' if is_depth else f'an integer, 0 to {_LARGEST_DEPTH}'
+    names = [name.lower() for name in _POLICIES[policy].__members__ if name.isupper() and name != 'UNKNOWN']
+    return '' if isinstance(value, str) and value.lower() in names else ' | '.join(names)
+
+
+@contextlib.contextmanager
+def opening(topic: str) -> Iterator[None]:
+    """Around the making of a publisher or subscription: what rclpy raises where there can be none is a ValueError."""
     try:
         yield
-    except (AssertionError, TypeError, RuntimeError) as error:
-        if any(name.startswith(f'qos_overrides.{topic}.') for name in given):
-            detail = str(error) or 'a value has the wrong type'
-            raise ValueError(f'the parameters qos_overrides.{topic}.* make no QoS: {detail}') from error
+    except RuntimeError as error:
         raise ValueError(f'{topic} cannot be opened, is another topic remapped to it? {error}') from error
 
 

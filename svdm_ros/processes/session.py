@@ -4,6 +4,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -39,8 +40,9 @@ class Frame:
 
 
 class Session:
-    """Collects `frames` and the node's `counts` while one of its waiting methods runs; rclpy must be up.
+    """Collects the node's `counts`, and `frames` from `listen` on, while one of its waiting methods runs.
 
+    rclpy must be up.
     `check` is called all the while and raises RunError when there is no point in waiting on.
     """
 
@@ -52,8 +54,16 @@ class Session:
         self._node = rclpy.create_node('demo_session')
         self._executor.add_node(self._node)
         self._parameters = AsyncParameterClient(self._node, NODE_NAME)
-        self._node.create_subscription(DisparityImage, 'disparity', self._take_disparity, QoSProfile(depth=10))
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._take_counts, QoSProfile(depth=10))
+        self.subscribe(DiagnosticArray, '/diagnostics', self._take_counts)
+
+    def subscribe(self, message_type: type, topic: str, take: Callable[[Any], None]) -> None:
+        """From now on `take` is called with each message of a topic, while one of the waiting methods runs."""
+        self._node.create_subscription(message_type, topic, take, QoSProfile(depth=10))
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._executor.shutdown()
+        self._node.destroy_node()
 
     def wait_for(self, done: Callable[[], bool], timeout: float, complaint: str) -> None:
         """Receive until `done()`; RunError with `complaint` after `timeout` s."""
@@ -67,6 +77,12 @@ class Session:
     def wait_for_node(self, timeout: float) -> None:
         """Until the node's parameter services are there."""
         self.wait_for(self._parameters.services_are_ready, timeout, f'{NODE_NAME} has no parameter services')
+
+    def listen(self, timeout: float) -> None:
+        """Wait until there is a camera, then listen to the disparity: the node looks for images only from then on."""
+        self.wait_for(lambda: all(self._node.count_publishers(f'{side}/image_rect') for side in ('left', 'right')),
+                      timeout, 'no camera has come')
+        self.subscribe(DisparityImage, 'disparity', self._take_disparity)
 
     def wait_until_ready(self, timeout: float, complaint: str) -> None:
         """Until the node tells in its diagnostics that its kernels are compiled; RunError as `wait_for`."""
@@ -82,7 +98,7 @@ class Session:
             progress(len(taken()))
         return taken()[:count]
 
-    def set_parameters(self, values: Mapping[str, float], timeout: float = 10.0) -> int:
+    def set_parameters(self, values: Mapping[str, Any], timeout: float = 10.0) -> int:
         """Set all `values` at once; returns the ns at which the node said yes. RunError with its reason if not."""
         future = self._parameters.set_parameters_atomically(
             [Parameter(name, value=value) for name, value in values.items()])

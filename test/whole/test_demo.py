@@ -16,6 +16,8 @@ from checkout import CHECKOUT
 from svdm_core.presets import preset_folder
 from svdm_ros.calibration.geometry import stereo_geometry
 from svdm_ros.demo import output_folder, summary
+from svdm_ros.demo.depth_picture import turned_view
+from svdm_ros.demo.depth_view import Space
 from svdm_ros.frames.image_conversion import image_to_array
 from svdm_ros.processes import dds_profile
 from svdm_ros.processes.camera import camera_info_message, image_message
@@ -119,6 +121,17 @@ def test_changed_lists_old_and_new():
     assert summary.changed({'alpha': 1.0, 'w_p': 11}, {'alpha': 10.7, 'w_p': 11}) == {'alpha': [1.0, 10.7]}
 
 
+def test_the_turned_view_shows_the_nearest_points_and_looks_round_them():
+    column, far = np.float32([[0, 0, 2.0], [0, 0, 2.5], [0, 0, 9]]), 5.0
+    space = Space(np.zeros((1, 1), np.float32), column, np.uint8([[255, 0, 0], [0, 255, 0], [0, 0, 255]]))
+    picture = turned_view(space, far, (100, 600))
+    red, green, blue = ((picture == colour).all(axis=2) for colour in ((255, 0, 0), (0, 255, 0), (0, 0, 255)))
+    assert red.sum() == green.sum() == 9 and not blue.any()  # what is farther than far is left out
+    assert np.nonzero(red)[1].mean() > np.nonzero(green)[1].mean() + 20  # from the left, the near one is to the right
+    in_line = Space(space.depth, np.repeat(column[:1], 3, axis=0), space.colours)
+    assert (turned_view(in_line, far, (100, 100)) > 200).any(axis=2).sum() == 9
+
+
 # Files and processes
 
 
@@ -185,7 +198,7 @@ def test_demo_end_to_end(tmp_path):
     assert 0 < result['latency_ms']['p50'] <= result['latency_ms']['p95']
     assert result['fps'] > 0
     assert result['changed'] == {'alpha': [1.0, 10.7], 'sigma_s': [1.0, 15.8], 'sigma_c': [0.1, 0.175], 'w_p': [11, 31]}
-    for phase in (result['before'], result['after']):
+    for phase in (result['before'], result['after'], result['default']):
         assert phase['frames'] == FRAMES
         assert phase['distinct'] == 1, 'the same input must give the same output, to the bit'
         assert phase['density'] == 100
@@ -195,7 +208,11 @@ def test_demo_end_to_end(tmp_path):
 
     height, width, _ = matplotlib.image.imread(output / 'comparison.png').shape
     assert (height, width) > (800, 1600)
-    assert 'ready: ' in (output / 'node.log').read_text()
+    assert result['default']['avgerr'] <= 0.95
+    depth = matplotlib.image.imread(output / 'depth.png')
+    assert depth.shape[:2] > (800, 1600) and depth[..., :3].std() > 0.1
+    log = (output / 'node.log').read_text()
+    assert 'ready: ' in log and '[WARN]' not in log and '[ERROR]' not in log
 
 
 def test_demo_interrupted_leaves_no_process(tmp_path):

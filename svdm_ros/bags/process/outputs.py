@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ...frames.outputs import OUTPUTS, Output
 from ..reading.pair_stream import RecordedPair
 from ..reading.recorded_frames import ROS2, TYPES
 from ..reading.recording import Recording
-from ..reading.stereo_topics import CAMERA_INFO, StereoTopics, info_name
+from ..reading.stereo_topics import CAMERA_INFO, StereoTopics
 from ..writing.partial_bag import OutputTopic
 
 DISPARITY_TOPIC = '/disparity'
@@ -34,7 +34,7 @@ class Outputs:
     def declared(self, recording: Recording) -> list[OutputTopic]:
         """All topics of the output. Raises ValueError where the input has one of the same name."""
         own = [(f'/{output.topic}', output.message_type) for output in self._written]
-        own += [(name, CAMERA_INFO) for name in self._info_names] if self.calibrated else []
+        own += [(name, CAMERA_INFO) for name in self.topics.info_names] if self.calibrated else []
         for name, _ in own:
             if name in self.copied:
                 images = name in (self.topics.left, self.topics.right)
@@ -49,8 +49,8 @@ class Outputs:
         for output in self._written:
             yield f'/{output.topic}', ROS2.serialize_cdr(output.make(frame, TYPES), output.message_type)
         if self.calibrated:
-            for name, info, image in zip(self._info_names, (pair.left_info, pair.right_info), (pair.left, pair.right),
-                                         strict=True):
+            for name, info, image in zip(self.topics.info_names, (pair.left_info, pair.right_info),
+                                         (pair.left, pair.right), strict=True):
                 assert info is not None  # it is the calibration's
                 stamped = dataclasses.replace(info, header=image.message.header)
                 yield name, ROS2.serialize_cdr(stamped, CAMERA_INFO)
@@ -58,10 +58,6 @@ class Outputs:
     @property
     def _written(self) -> list[Output]:
         return [output for output in OUTPUTS if output.name in self.names]
-
-    @property
-    def _info_names(self) -> Sequence[str]:
-        return info_name(self.topics.left), info_name(self.topics.right)
 
 
 def pixels_of(image: Any) -> NDArray[np.float32]:

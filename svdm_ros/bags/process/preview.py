@@ -11,6 +11,7 @@ import numpy as np
 from svdm_core.kernels.arrays import Uint8
 
 from ...frames.colours import coloured
+from ...frames.matched_frame import END_MARGIN
 from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import open_recording
 from ..writing.output_place import PREVIEW_FILE, PREVIEW_FOLDER
@@ -38,7 +39,8 @@ def write_preview(bag: Path, kind: str) -> None:
 
 def picture(disparity: Any) -> Uint8:
     """A stereo_msgs/DisparityImage in colours, uint8 BGR (H, W, 3)."""
-    return coloured(pixels_of(disparity.image), disparity.min_disparity, disparity.max_disparity)
+    low, high = disparity.min_disparity + END_MARGIN, disparity.max_disparity - END_MARGIN
+    return coloured(pixels_of(disparity.image), low, high)
 
 
 def _write_pictures(messages: Iterator[Any], folder: Path) -> None:

@@ -154,11 +154,7 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
             raise ValueError(f'--set {cut(change)} is not allowed: write it as name=value')
         _check_known(name, table)
         values[name] = table[name].parse(text)
-    parameters = NodeParameters().replace(values)
-    if parameters.layout != 'separate':
-        raise ValueError(f'layout = {parameters.layout!r} is not allowed here: recordings are processed from two image '
-                         'topics, so it must be separate')
-    return parameters
+    return NodeParameters().replace(values)
 
 
 def _check_known(name: str, table: Mapping[str, Any]) -> None:

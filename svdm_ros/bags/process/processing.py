@@ -17,7 +17,7 @@ from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
 from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
-from ..reading.stereo_topics import StereoTopics, find_stereo_topics
+from ..reading.stereo_topics import StereoTopics, find_side_by_side, find_stereo_topics
 from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
 from ..writing.partial_bag import PartialBag, open_partial
 from ..writing.partial_folder import partial_path, remove_marks
@@ -183,8 +183,7 @@ class _Run:
             progress.notes['the images were rectified by the calibration given'] += 1
         if not frame.raw:
             progress.notes.update(self._unrectified(pair))
-        if result.problem:
-            progress.notes[result.problem] += 1
+        progress.notes.update(filter(None, (result.problem, result.hint)))
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
         return self._outputs.messages(pair, result.frame)
@@ -215,8 +214,15 @@ class _Run:
 
 
 def _topics(job: Job, recording: Recording) -> StereoTopics:
+    raw = job.parameters.input == 'raw'
     try:
-        topics = find_stereo_topics(recording.topics, job.left, job.right, job.parameters.input == 'raw')
+        if job.parameters.layout == 'side_by_side':
+            if job.right not in (None, job.left):
+                raise RecordingError(f'--right {job.right} is not allowed with layout = side_by_side: name the one '
+                                     'topic that holds both views with --left')
+            topics = find_side_by_side(recording.topics, job.left, raw)
+        else:
+            topics = find_stereo_topics(recording.topics, job.left, job.right, raw)
     except RecordingError as error:
         raise RecordingError(f'{job.input}: {error}') from None
     return dataclasses.replace(topics, left_info=None, right_info=None) if job.calibration else topics

@@ -85,7 +85,8 @@ class PairStream:
             if message.topic in self._copied:
                 yield message
             if message.topic in sides:
-                self._waiting.extend(self._add(sides[message.topic], message))
+                self._waiting.extend(self._add_both(message) if topics.together
+                                     else self._add(sides[message.topic], message))
             elif message.topic in self._infos:
                 self._keep(self._infos[message.topic], message)
             elif message.topic == topics.ground_truth:
@@ -104,6 +105,13 @@ class PairStream:
         self._pairer.queue_size = max(_FEWEST_WAITING, WAITING_BYTES // max(len(message.data), 1))
         image = self._recording.deserialize(message)
         return self._pairer.add(side, stamp_ns(image), TimedImage(image, message.time_ns))
+
+    def _add_both(self, message: RecordedMessage) -> list[Pair[TimedImage]]:
+        """An image that holds both views is a pair by itself."""
+        for side in self.counts.images:
+            self.counts.images[side] += 1
+        image = TimedImage(self._recording.deserialize(message), message.time_ns)
+        return [Pair(image, image, 0)]
 
     def _keep(self, kept: ByStamp[Any], message: RecordedMessage) -> None:
         content = self._recording.deserialize(message)

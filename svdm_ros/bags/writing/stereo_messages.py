@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
 from ...calibration.stereo_calibration import CameraCalibration, StereoCalibration
+from ...frames.matched_frame import END_MARGIN
 
 IMAGE, CAMERA_INFO = 'sensor_msgs/msg/Image', 'sensor_msgs/msg/CameraInfo'
 DISPARITY_IMAGE = 'stereo_msgs/msg/DisparityImage'
@@ -66,12 +67,13 @@ def infos_of(calibration: StereoCalibration) -> tuple[Any, Any]:
 def ground_truth_bytes(truth: NDArray[np.float32], calibration: StereoCalibration, moment: Moment) -> bytes:
     """stereo_msgs/DisparityImage of x_left - x_right in px, float32 (H, W), not finite where unknown.
 
-    In the convention of the message, d = x_left - x_right - (cx_left - cx_right); unknown is min_disparity - 1.
+    In the convention of the message, d = x_left - x_right - (cx_left - cx_right); unknown is min_disparity - 1,
+    and what is known lies between min_disparity and max_disparity.
     """
     known = np.isfinite(truth)
     disparity = truth - np.float32(calibration.principal_offset)
-    low = float(np.floor(disparity.min(where=known, initial=np.inf)))
-    high = float(np.ceil(disparity.max(where=known, initial=-np.inf)))
+    low = float(np.floor(disparity.min(where=known, initial=np.inf))) - END_MARGIN
+    high = float(np.ceil(disparity.max(where=known, initial=-np.inf))) + END_MARGIN
     disparity[~known] = low - 1
     height, width = truth.shape
     message = TYPES.types[DISPARITY_IMAGE](

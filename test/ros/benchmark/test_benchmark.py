@@ -1,5 +1,6 @@
 """How the node's benchmark counts, what it refuses, and a run of it over DDS."""
 import json
+import statistics
 import subprocess
 import sys
 
@@ -61,6 +62,7 @@ def test_it_measures_and_overwrites_nothing(tmp_path):
     assert run.returncode == 0, run.stderr
     measured = json.loads(file.read_text())
     assert 4 < measured['out_hz'] < 12 and measured['latency_ms']['p50'] > 0
+    assert len(measured['first_output_s']) == 3 and statistics.median(measured['first_output_s']) < 1
     assert run.stdout.startswith('160x120 grey, preset fast: ')
     before = file.read_bytes()
     again = run_module('svdm_ros.benchmark', *arguments)

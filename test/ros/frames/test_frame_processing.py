@@ -31,10 +31,10 @@ def test_a_negative_range_goes_through_and_what_is_compiled_is_told_once(monkeyp
         message = disparity_image(processor.process(frame, parameters).frame, rclpy_types())
         parameters = parameters.replace({'alpha': 3.0})
     assert told == ['8-bit grey images and 1 to 32 disparities']
-    assert (message.min_disparity, message.max_disparity, message.delta_d) == (-12, -2, 1 / 64)
+    assert (message.min_disparity, message.max_disparity, message.delta_d) == (-12.5, -1.5, 1 / 64)
     assert (message.valid_window.x_offset, message.valid_window.width) == (0, 70 - 2)
     assert message.image.is_bigendian == (sys.byteorder == 'big')
     disparity = np.frombuffer(message.image.data, np.float32).reshape(40, 70)
     inside = disparity[4:-4, 4:-9]
-    assert np.abs(inside[inside != -13] + 5).max() <= 0.5 and (inside != -13).mean() > 0.95
-    assert set(disparity[disparity < -12]) <= {np.float32(-13)}
+    assert np.abs(inside[inside != -13.5] + 5).max() <= 0.5 and (inside != -13.5).mean() > 0.95
+    assert set(disparity[disparity < -12]) <= {np.float32(-13.5)}

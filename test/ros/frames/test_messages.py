@@ -48,7 +48,7 @@ def test_every_field():
     assert image.is_bigendian == (sys.byteorder == 'big')
     np.testing.assert_array_equal(pixels(message), np.float32([[0.5, 1.5, 3], [3.5, 15.5, 6.5]]))
     assert (message.f, message.t) == (500.0, 0.25)
-    assert (message.min_disparity, message.max_disparity) == (0.5, 15.5)
+    assert (message.min_disparity, message.max_disparity) == (0, 16)  # half a px beyond what can occur
     assert message.delta_d == 1.0
     window = message.valid_window
     assert (window.x_offset, window.y_offset, window.width, window.height) == (0, 0, 3, 2)
@@ -60,8 +60,8 @@ def test_unchecked_pixels_are_invalid_unless_filled_ones_are_published():
     np.testing.assert_array_equal(
         pixels(disparity_image(result, GEOMETRY, PARAMETERS, HEADER, publish_filled=True)), [[4.5, 5.5], [6.5, 7.5]])
     sparse = disparity_image(result, GEOMETRY, PARAMETERS, HEADER, publish_filled=False)
-    np.testing.assert_array_equal(pixels(sparse), [[4.5, -0.5], [-0.5, 7.5]])
-    assert sparse.min_disparity - 1 == -0.5
+    np.testing.assert_array_equal(pixels(sparse), [[4.5, -1], [-1, 7.5]])
+    assert sparse.min_disparity - 1 == -1
 
 
 def test_the_result_itself_is_left_alone():
@@ -89,10 +89,21 @@ def test_valid_disparities_are_within_the_published_range_and_invalid_ones_below
     geometry = StereoGeometry(100.0, 0.1, offset)
     message = disparity_image(result_of(disparity, valid), geometry, parameters, HEADER, publish_filled=False)
     published = pixels(message)
-    assert (published[valid] >= np.float32(message.min_disparity)).all()
-    assert (published[valid] <= np.float32(message.max_disparity)).all()
+    assert (published[valid] > np.float32(message.min_disparity)).all()
+    assert (published[valid] < np.float32(message.max_disparity)).all()
     assert (published[~valid] < np.float32(message.min_disparity)).all()
     np.testing.assert_allclose(published[valid] + offset, disparity[valid], atol=1e-3)
+
+
+@pytest.mark.parametrize('offset', [0.0, 3.5, -31.086, 1e5])
+def test_the_first_and_the_last_disparity_are_within_limits_that_are_tested_strictly(offset):
+    """As rtabmap does: min < d < max, else the pixel is dropped."""
+    message = disparity_image(
+        result_of([[4, 19, 7]], [[True, True, False]]), StereoGeometry(100.0, 0.1, offset), PARAMETERS, HEADER, False)
+    low, high = np.float32(message.min_disparity), np.float32(message.max_disparity)
+    published = pixels(message)
+    assert ((low < published) & (published < high)).tolist() == [[True, True, False]]
+    assert published[0, 2] == low - 1
 
 
 @pytest.mark.parametrize(('smallest', 'count', 'width', 'window'), [
@@ -108,7 +119,7 @@ def test_the_window_below_0_ends_where_the_largest_disparity_leads_out_of_the_im
     assert partners == [x < window[1] for x in range(width)]
     filled = disparity_image(result, GEOMETRY, parameters, HEADER)
     assert (filled.valid_window.x_offset, filled.valid_window.width) == (0, width)
-    assert (filled.min_disparity, filled.max_disparity) == (smallest - 3.5, smallest + count - 4.5)
+    assert (filled.min_disparity, filled.max_disparity) == (smallest - 4, smallest + count - 4)
 
 
 def test_the_step_is_the_results_or_that_of_float32():
@@ -120,7 +131,7 @@ def test_the_step_is_the_results_or_that_of_float32():
 
 def test_an_unknown_geometry_is_zero():
     message = disparity_image(result_of([[5]]), StereoGeometry(problem='no camera_info'), PARAMETERS, HEADER)
-    assert (message.f, message.t, message.min_disparity, message.max_disparity) == (0, 0, 4, 19)
+    assert (message.f, message.t, message.min_disparity, message.max_disparity) == (0, 0, 3.5, 19.5)
 
 
 @pytest.mark.parametrize('disparity', [np.full((6, 8), 5, np.float32).T, np.full((6, 16), 5, np.float32)[:, ::2]])

@@ -17,7 +17,7 @@ from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.frames.messages import rclpy_types
 from svdm_ros.frames.outputs import OUTPUTS, output_names
-from svdm_ros.frames.preparation import with_search_range
+from svdm_ros.frames.preparation import beyond_reach, with_search_range
 from svdm_ros.frames.views import FrameError, StereoFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
@@ -271,9 +271,14 @@ def test_max_depth_must_lie_behind_min_depth():
     (-20.0, 0, 'set min_disparity to -20'), (-20.5, -20, 'set min_disparity to -21'), (-20.0, -20, ''), (12.0, 0, ''),
     (0.0, 5, ''), (12.0, 13, 'set min_disparity to 12'), (0.4, 1, '')])
 def test_a_search_that_cannot_reach_infinity_is_told(offset, start, told):
-    parameters = NodeParameters(MatcherParameters(min_disparity=start))
-    _, problem = with_search_range(parameters, StereoGeometry(500.0, 0.2, offset))
-    assert told in problem and bool(problem) is bool(told)
+    line = beyond_reach(StereoGeometry(500.0, 0.2, offset), start)
+    assert told in line and bool(line) is bool(told)
+
+
+def test_how_far_a_search_reaches_is_a_hint_and_no_problem():
+    done = processed(min_disparity=4)  # infinity lies at 2.5 px
+    assert f'nothing beyond {100.0 * 0.2 / 1.5:.3g} m is found' in done.hint and 'set min_disparity to 2' in done.hint
+    assert done.problem == '' and processed().hint == ''
 
 
 @pytest.mark.parametrize('min_depth', [1e-320, 1e-300, 1e-9])

@@ -63,12 +63,24 @@ def test_every_field_of_the_disparity_image(client):
     assert (image.is_bigendian, len(image.data)) == (0, 4 * WIDTH * HEIGHT)
     assert message.f == FOCAL_LENGTH
     assert message.t == pytest.approx(BASELINE)
-    assert (message.min_disparity, message.max_disparity) == (2 - PRINCIPAL_OFFSET, 17 - PRINCIPAL_OFFSET)
+    assert (message.min_disparity, message.max_disparity) == (1.5 - PRINCIPAL_OFFSET, 17.5 - PRINCIPAL_OFFSET)
     assert message.delta_d == 1.0
     window = message.valid_window
     assert (window.x_offset, window.y_offset, window.width, window.height) == (0, 0, WIDTH, HEIGHT)
     right_of_border = disparities(message)[:, SHIFT:]
     assert np.mean(right_of_border == SHIFT - PRINCIPAL_OFFSET) > 0.98
+
+
+def test_a_search_that_begins_nearer_than_infinity_is_told_once_and_not_as_a_warning(node, client):
+    text = 'infinity lies at 2.5 px'
+    for start in (4, 4, 5):
+        assert client.set_atomically(min_disparity=start).successful
+        for _ in range(2):
+            client.exchange(*dots())
+    client.spin_until(lambda: 'begins at 5 px' in node.log, 'the hint')
+    lines = [line for line in node.log.splitlines() if text in line]
+    assert sum('begins at 4 px' in line for line in lines) == sum('begins at 5 px' in line for line in lines) == 1
+    assert all('[INFO]' in line and 'set min_disparity to 2' in line for line in lines)
 
 
 def test_only_checked_pixels_on_demand(client):
@@ -87,7 +99,7 @@ def test_a_parameter_change_takes_effect_on_the_next_frame(client):
         results = client.set_parameters(num_disparities=count, subpixel=subpixel)
         assert all(result.successful for result in results.values())
         message = client.exchange(*dots())
-        assert message.max_disparity - message.min_disparity == count - 1
+        assert message.max_disparity - message.min_disparity == count
         assert (message.delta_d == 1.0) is not subpixel
 
 
@@ -111,16 +123,16 @@ def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(client, name,
     assert not result.successful
     assert told in result.reason
     assert client.get_parameters(*DEFAULTS) == before
-    assert client.exchange(*dots()).max_disparity == 63 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 63.5 - PRINCIPAL_OFFSET
 
 
 def test_a_set_is_taken_as_a_whole_or_not_at_all(client):
     refused = client.set_atomically(num_disparities=24, gradient='vertical')
     assert not refused.successful
-    assert client.exchange(*dots()).max_disparity == 63 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 63.5 - PRINCIPAL_OFFSET
     assert client.get_parameters('num_disparities') == {'num_disparities': 64}
     assert client.set_atomically(num_disparities=24, gradient='magnitude').successful
-    assert client.exchange(*dots()).max_disparity == 23 - PRINCIPAL_OFFSET
+    assert client.exchange(*dots()).max_disparity == 23.5 - PRINCIPAL_OFFSET
 
 
 def test_a_whole_number_is_taken_for_a_double(client):

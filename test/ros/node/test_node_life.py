@@ -31,8 +31,10 @@ BAD_SETTINGS = {
     r"gradient = 'vertical' is not allowed: it must be horizontal \| magnitude": ['-p', 'gradient:=vertical'],
     r'alpha = .*\[1, 2\].* is not allowed: it must be a number, 0.0 to 1000.0': ['-p', 'alpha:=[1, 2]'],
     r'missing\.yaml': ['--params-file', 'missing.yaml'],
-    r'qos_overrides\./disparity\.\*.*sloppy': ['-p', 'qos_overrides./disparity.publisher.reliability:=sloppy'],
-    r'left/image_rect\.\* make no QoS: a value has': ['-p', 'qos_overrides./left/image_rect.subscription.depth:=few'],
+    r"/disparity\.publisher\.reliability = 'sloppy' is not allowed: it must be .*reliable \| best_effort.*; "
+    r"qos_overrides\./right/image_raw/compressed\.subscription\.depth = 'few' .*: it must be an integer": [
+        '-p', 'qos_overrides./disparity.publisher.reliability:=sloppy',
+        '-p', 'qos_overrides./right/image_raw/compressed.subscription.depth:=few'],
     r'started: /x cannot be opened, is another topic remapped to it\?': [
         '-r', 'left/image_rect:=/x', '-r', 'left/camera_info:=/x'],
 }
@@ -83,6 +85,8 @@ def test_good_settings_at_the_start_are_taken(tmp_path):
             'alpha': 2.0, 'gradient': 'magnitude', 'sigma_tree': 0.1}
         assert client.get_parameters('qos_overrides./left/image_rect.subscription.depth') == {
             'qos_overrides./left/image_rect.subscription.depth': 3}
+        refused = client.set_parameters(**{'qos_overrides./left/image_rect.subscription.depth': 4})
+        assert all('start the node anew' in result.reason for result in refused.values())
         assert client.set_parameters(alpha=3.5)['alpha'].successful
 
 

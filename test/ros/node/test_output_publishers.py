@@ -1,6 +1,8 @@
 """The outputs over DDS: all of one pair, and none that nobody listens to."""
 import importlib
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -9,6 +11,7 @@ from node_bench import image_message, random_dots, running_node
 
 from svdm_ros.frames import outputs
 from svdm_ros.node.parameter_set import NodeParameters
+from svdm_ros.processes.dds_profile import SMALLEST_SEGMENT_BYTES
 
 OUTPUTS = [output for output in outputs.OUTPUTS if output.when(NodeParameters())]
 IMAGES = ('/left/image_rect', '/right/image_rect')
@@ -96,6 +99,12 @@ def test_an_idle_node_hardly_works(running):
     assert used < 0.06 * (time.monotonic() - start)
     client.subscribe(kind_of(OUTPUTS[0]), OUTPUTS[0].topic, client.received)
     client.exchange_until(*dots(), lambda message: True, 'a disparity again')
+
+
+def test_the_node_has_shared_memory_for_images_where_no_profile_is_set(running):
+    maps = Path(f'/proc/{running[0].pid}/maps').read_text()
+    segments = {path for path in re.findall(r'/dev/shm/fastrtps_\w+', maps) if Path(path).exists()}
+    assert max(Path(path).stat().st_size for path in segments) >= SMALLEST_SEGMENT_BYTES  # 0.5 MB by default
 
 
 def test_at_most_so_many_pairs_a_second_are_matched_and_the_newest(running):
