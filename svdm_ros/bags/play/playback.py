@@ -130,9 +130,9 @@ class Player:
         """Tell of a wait that would be taken for a standstill: a clock that was wrong at first, or a pause."""
         wait = (due - time.monotonic_ns()) / 1e9
         if wait >= _LONG_WAIT:
-            into = (message.time_ns - self._begin) / 1e9
-            print(f'nothing for {wait:.0f} s: the next message, on {message.topic}, was recorded {into:.3f} s after '
-                  f'the first; --start {start_option(into)} begins with it', flush=True)
+            into = message.time_ns - self._begin
+            print(f'nothing for {wait:.0f} s: the next message, on {message.topic}, was recorded {into / 1e9:.3f} s '
+                  f'after the first; --start {start_option(into)} begins with it', flush=True)
 
     def _wait_until(self, due: int, schedule: Schedule) -> None:
         """Until the monotonic time `due` (ns), with the clock ticking meanwhile."""

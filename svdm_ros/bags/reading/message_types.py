@@ -13,6 +13,9 @@ from rosbags.typesys.store import Typestore
 
 from .storage import Channel
 
+_USED = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage', 'sensor_msgs/msg/CameraInfo',
+         'stereo_msgs/msg/DisparityImage')
+"""Types whose fields are asked for by name; messages of other types are handed on."""
 _LONGEST = 2**18
 """Characters of a definition with all that it needs; those of ROS have some thousand."""
 _BETWEEN = '=' * 80 + '\n'
@@ -25,7 +28,7 @@ class RecordedTypes:
     """
 
     def __init__(self, channels: Iterable[Channel]) -> None:
-        self._broken: set[Channel] = set()
+        self._other: set[tuple[str, MessageDefinition]] = set()
         jazzy = get_typestore(Stores.ROS2_JAZZY)
         own: dict[str, Typesdict] = {'cdr': {}, 'ros1': {}}
         known: dict[tuple[str, MessageDefinition], Typesdict] = {}
@@ -33,6 +36,9 @@ class RecordedTypes:
             key = channel.message_type, channel.definition
             if key not in known:
                 known[key] = _definitions(*key)
+                if channel.encoding == 'cdr' and _is_another(channel, known[key], jazzy):
+                    self._other.add(key)
+                    known[key] = {}
             own[channel.encoding].update(known[key])
         self._ros1 = get_typestore(Stores.EMPTY)
         self._ros1.register(own['ros1'])
@@ -41,7 +47,7 @@ class RecordedTypes:
 
     def lacks(self, channel: Channel) -> bool:
         """Whether messages of the channel cannot be had as those of ROS 2."""
-        if not is_type(channel.message_type):
+        if not is_type(channel.message_type) or (channel.message_type, channel.definition) in self._other:
             return True
         return channel.encoding == 'ros1' and self._converter(normalize_msgtype(channel.message_type)) is None
 
@@ -71,6 +77,19 @@ def is_type(name: str) -> bool:
     """
     parts = name.split('/')
     return name.isascii() and len(parts) > 1 and all(part.isidentifier() for part in parts)
+
+
+def _is_another(channel: Channel, types: Typesdict, jazzy: Typestore) -> bool:
+    """Whether it is a type that is used, but with other fields: of a damaged definition, or of another package."""
+    if normalize_msgtype(channel.message_type) not in _USED:
+        return False
+    is_idl = channel.definition.format == MessageDefinitionFormat.IDL  # which has other names for the same types
+    return any(_fields(types, name, is_idl) != _fields(jazzy.fielddefs, name, is_idl) for name in types)
+
+
+def _fields(types: Typesdict, name: str, only_names: bool) -> list[object]:
+    fields = types[name][1] if name in types else []
+    return [field[0] if only_names else field for field in fields]
 
 
 def _merged(jazzy: Typestore, own: dict[str, Typesdict]) -> Typestore:

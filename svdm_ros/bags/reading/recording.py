@@ -4,7 +4,6 @@ from __future__ import annotations
 import collections
 import contextlib
 import dataclasses
-import math
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
@@ -106,9 +105,9 @@ class Recording:
         extent = self._extent(topics)
         if extent is None:
             return ''
-        first, last = ((time_ns - self.start_ns) / 1e9 for time_ns in extent)
-        return (f'; they lie from {first:.3f} to {last:.3f} s after the beginning of the recording: --start '
-                f'{start_option(first)} begins with them')
+        first, last = (time_ns - self.start_ns for time_ns in extent)
+        return (f'; they lie from {first / 1e9:.3f} to {last / 1e9:.3f} s after the beginning of the recording: '
+                f'--start {start_option(first)} begins with them')
 
     def _extent(self, topics: Collection[str]) -> tuple[int, int] | None:
         """Times (ns) of the first and of the last message of these topics; None where there is none."""
@@ -156,9 +155,13 @@ def open_recording(path: Path) -> Iterator[Recording]:
         yield recording
 
 
-def start_option(seconds: float) -> str:
-    """What --start takes to begin with a message so many seconds in."""
-    return f'{max(math.floor(seconds * 1000) / 1000, 0):.3f}'.rstrip('0').rstrip('.')
+def start_option(after_ns: int) -> str:
+    """What --start takes, s, to begin with a message so many ns after the first one, or just before it."""
+    for milliseconds in (after_ns // 10**6, after_ns // 10**6 - 1):  # the number that is read may be rounded up
+        text = f'{max(milliseconds, 0) / 1000:.3f}'.rstrip('0').rstrip('.')
+        if round(float(text) * 1e9) <= after_ns:
+            break
+    return text
 
 
 def _check_counts(channels: list[Channel], counts: Counter[int]) -> None:
@@ -176,7 +179,8 @@ def _readable(files: Mapping[Path, StorageFile], types: RecordedTypes) -> tuple[
         lines += [f'{path}: {line}' for line in storage.left_out]
         lacking = [channel for channel in storage.channels if types.lacks(channel)]
         lines += [f'{path}: left out: {cut(channel.topic, repr)}, {channel.count} messages of type '
-                  f'{cut(channel.message_type, repr)}, whose definition cannot be read' for channel in lacking]
+                  f'{cut(channel.message_type, repr)}, whose definition cannot be read, or is none of ROS 2'
+                  for channel in lacking]
         readable.append(_File(path, storage, {one.id: one for one in storage.channels if one not in lacking}))
     return readable, lines
 

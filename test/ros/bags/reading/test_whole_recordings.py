@@ -219,6 +219,17 @@ def test_a_type_whose_name_is_no_name_is_left_out(plain, tmp_path):
     assert 'whose definition cannot be read' in notes_of(path)[0]
 
 
+@pytest.mark.parametrize(('was', 'becomes'), [('uint32 height', 'uint32 heigQt'), ('float64[9]', 'float64[1]')])
+def test_a_type_that_is_used_and_has_other_fields_is_left_out(plain, tmp_path, was, becomes):
+    channels, entries = cdr_entries(few())
+    [at] = [number for number, channel in enumerate(channels) if channel[0] == recordings.LEFT_INFO]
+    assert was in channels[at][3]
+    channels[at] = (*channels[at][:3], channels[at][3].replace(was, becomes))
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    assert contents(path) == [entry for entry in plain if entry[0] != recordings.LEFT_INFO]
+    assert f"left out: '{recordings.LEFT_INFO}', 6 messages of type" in notes_of(path)[0]
+
+
 def test_fewer_messages_than_the_file_tells_of_are_told(tmp_path):
     """As where a byte has changed that makes a message of a chunk something else."""
     path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()))
