@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
 
 from svdm_core.shown import cut
@@ -162,9 +162,22 @@ def _info(topics: Mapping[str, Topic], name: str) -> str | None:
 
 def _ground_truth(topics: Mapping[str, Topic]) -> str | None:
     """The only disparity topic that calls itself ground truth."""
-    names = [name for name, topic in topics.items() if topic.message_type == DISPARITY and topic.count
-             and any(part in _GROUND_TRUTH for part in PurePosixPath(name).parts)]
+    names = _called_ground_truth(topics, DISPARITY)
     return names[0] if len(names) == 1 else None
+
+
+def ground_truth_lines(topics: Mapping[str, Topic]) -> Iterator[str]:
+    """Why results are not judged by what calls itself ground truth; nothing where they are, or where nothing does."""
+    names, images = _called_ground_truth(topics, DISPARITY), _called_ground_truth(topics, IMAGE)
+    if len(names) > 1:
+        yield f'results are not judged, as there are {len(names)} topics of ground truth: {", ".join(names)}'
+    elif images and not names:
+        yield f'results are not judged by {images[0]}, it is {IMAGE}: ground truth must be {DISPARITY}'
+
+
+def _called_ground_truth(topics: Mapping[str, Topic], message_type: str) -> list[str]:
+    return [name for name, topic in topics.items() if topic.message_type == message_type and topic.count
+            and any(part in _GROUND_TRUTH for part in PurePosixPath(name).parts)]
 
 
 def _listed(topics: Iterable[Topic]) -> str:

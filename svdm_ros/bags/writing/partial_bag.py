@@ -295,8 +295,9 @@ def read_partial(folder: Path) -> tuple[dict[str, Any], dict[str, Any], dict[str
         settings, state = stored['settings'], stored['state']
         if not isinstance(settings, dict) or not isinstance(state, dict):
             raise TypeError('settings and state are no objects')
-        with open_recording(folder):
-            pass
+        with open_recording(folder) as recording:
+            if recording.missing:
+                raise RecordingError(recording.missing[0].removeprefix('left out: '))
     except RecordingError as error:
         raise DamagedBagError(folder, cut(str(error).removeprefix(f'{folder}: '))) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
