@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from rosbags.interfaces import Qos
 from rosbags.typesys.msg import normalize_msgtype
 
-from svdm_core.shown import cut
+from svdm_core.shown import cut, shown
 
 from .bag_files import bag_files, opened_files
 from .message_types import RecordedTypes
@@ -179,8 +179,8 @@ def _readable(files: Mapping[Path, StorageFile], types: RecordedTypes) -> tuple[
     for path, storage in files.items():
         lines += [f'{path}: {line}' for line in storage.left_out]
         lacking = [channel for channel in storage.channels if types.lacks(channel)]
-        lines += [f'{path}: left out: {cut(channel.topic, repr)}, {channel.count} messages of type '
-                  f'{cut(channel.message_type, repr)}, whose definition cannot be read, or is none of ROS 2'
+        lines += [f'{path}: left out: {shown(channel.topic)}, {channel.count} messages of type '
+                  f'{shown(channel.message_type)}, whose definition cannot be read, or is none of ROS 2'
                   for channel in lacking]
         readable.append(_File(path, storage, {one.id: one for one in storage.channels if one not in lacking}))
     return readable, lines
@@ -203,7 +203,7 @@ def _compared(path: Path, metadata: BagMetadata, topics: Mapping[str, Topic]) ->
     unknown = sorted(told_of - topics.keys())
     if unknown:
         yield (f'{path}: metadata.yaml tells of {len(unknown)} topics that its files do not hold, the first '
-               f'{cut(unknown[0], repr)}: what the files hold is read')
+               f'{shown(unknown[0])}: what the files hold is read')
     fewer = [topics[name] for name in sorted(told_of & topics.keys()) if topics[name].count < metadata.counts[name]]
     if fewer:
         yield (f'{path}: metadata.yaml tells of {metadata.counts[fewer[0].name]} messages on {cut(fewer[0].name)}, the '

@@ -12,7 +12,7 @@ from rosbags.interfaces import MessageDefinition, Qos
 from rosbags.rosbag2.metadata import parse_qos
 
 from svdm_core.files.user_files import RefusedFileError
-from svdm_core.shown import cut
+from svdm_core.shown import cut, shown
 
 LAST_NS = 2**63 - 1
 """The latest time that a message can have."""
@@ -106,7 +106,7 @@ def _in_its_place[Message: Timed](
 
 def left_out_line(topic: str, encoding: str, messages: int) -> str:
     """What is told of a topic that is serialized in a way that is not read."""
-    return f'left out: {cut(topic, repr)}, {messages} messages of encoding {cut(encoding, repr)}: cdr and ros1 are read'
+    return f'left out: {shown(topic)}, {messages} messages of encoding {shown(encoding)}: cdr and ros1 are read'
 
 
 def qos_of(profiles: object) -> tuple[Qos, ...]:

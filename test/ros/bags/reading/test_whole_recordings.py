@@ -177,7 +177,8 @@ def test_packed_messages_and_files_need_no_metadata(plain, tmp_path, storage, co
 @pytest.mark.parametrize('options', [
     {}, {'indexed': lambda chunk: False}, {'indexed': lambda chunk: chunk != 1}, {'summary': False},
     {'chunked': False}, {'chunked': False, 'summary': False}, {'profile': ''}, {'profile': 'ros1'},
-    {'pack': lambda data: ('zstd', zstd.compress(data))}], ids=str)
+    {'pack': lambda data: ('zstd', zstd.compress(data))}], ids=[
+    'plain', 'no index', 'one index', 'no summary', 'no chunks', 'neither', 'no profile', 'ros1', 'zstd'])
 def test_an_mcap_file_is_read_with_or_without_its_indexes(plain, tmp_path, options):
     assert contents(write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()), **options)) == plain
 
