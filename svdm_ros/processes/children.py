@@ -50,6 +50,13 @@ class Child:
             end = f'ended with exit code {code}' if code >= 0 else f'was killed by {signal.Signals(-code).name}'
             raise RunError(f'the {self.name} {end}{self.last_words()}')
 
+    def is_done(self) -> bool:
+        """Whether it has ended as it should. RunError where it has ended otherwise."""
+        if self._process.poll() != 0:
+            self.check()
+            return False
+        return True
+
     def output(self) -> str:
         """All it has said so far."""
         return self.log.read_text(errors='replace')

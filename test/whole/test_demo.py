@@ -171,6 +171,9 @@ def test_dead_child_is_told_with_its_last_words(tmp_path):
         while time.monotonic() < end:
             child.check()
             time.sleep(0.05)
+    with pytest.raises(RunError, match=r'the node ended with exit code 1'):
+        child.is_done()
+
 
 
 # The real thing

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
@@ -210,9 +211,13 @@ def demo(tmp_path_factory) -> Iterator[tuple[Path, subprocess.Popen, Path]]:
             stderr=subprocess.STDOUT, start_new_session=True)
     yield clone, process, log
     for number in (signal.SIGTERM, signal.SIGKILL):  # in order first: its node and camera are in groups of their own
-        with contextlib.suppress(ProcessLookupError, subprocess.TimeoutExpired):
+        end = time.monotonic() + 20
+        with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, number)
-            process.wait(20)
+            while time.monotonic() < end:
+                process.poll()
+                os.killpg(process.pid, 0)
+                time.sleep(0.05)
 
 
 def _path_with_uv() -> str:
