@@ -59,7 +59,8 @@ def test_the_module_of_an_error_is_named(module):
 def without(module, monkeypatch):
     """As where it is not installed: what has been imported with it is imported anew."""
     for name in list(sys.modules):
-        if name.startswith(('svdm_ros.bags.process.', 'svdm_ros.bags.images.', 'svdm_ros.bags.reading')):
+        if name.startswith(('svdm_ros.bags.process.', 'svdm_ros.bags.images.', 'svdm_ros.bags.reading',
+                            'svdm_ros.bags.writing')):
             monkeypatch.delitem(sys.modules, name)
         if name.partition('.')[0] == module:
             monkeypatch.delitem(sys.modules, name)

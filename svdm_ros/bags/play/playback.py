@@ -43,8 +43,8 @@ def play(options: argparse.Namespace, ros_arguments: list[str]) -> int:
     """Play, and say what was played; the exit code as `play_bag.main` has it."""
     try:
         with open_recording(options.bag) as recording:
-            for line in (*recording.missing, *recording.notes):
-                print(f'play_bag: {line}', file=sys.stderr)
+            for note in (*recording.missing, *recording.notes):
+                print(f'play_bag: {note}', file=sys.stderr)
             part = _part(recording, options.start, options.duration)
             topics = chosen_topics(recording.topics, options.topics, with_clock=options.clock is None)
             with _node(ros_arguments) as node:

@@ -141,6 +141,7 @@ def test_no_regular_expression_has_two_quantifiers_without_bound():
         for node in ast.walk(ast.parse(source.read_text())):
             if isinstance(node, ast.Call) and ast.unparse(node.func).startswith('re.'):
                 pattern = ast.literal_eval(node.args[0])
+                pattern = pattern if isinstance(pattern, str) else pattern.decode('latin-1')
                 found.append(pattern)
                 assert len(re.findall(r'[*+]|,\}', pattern)) <= 1, f'{source.name}: {pattern}'
     assert found
