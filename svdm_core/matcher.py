@@ -166,6 +166,8 @@ class StereoMatcher:
         """Raises NotEnoughMemoryError where the buffers of such a pair, if they are not there yet, do not fit."""
         wanted = shape, parameters, self._crew.threads
         if wanted != self._afforded:
+            self._kept.pop(StripeRoute if is_exact(parameters) else ExactRoute, None)
+            self._afforded = ()
             self._held = check_memory(*wanted, self._held)
             self._afforded = wanted
 

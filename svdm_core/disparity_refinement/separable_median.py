@@ -21,8 +21,8 @@ _LANES = 16
 # Rows worked on by one task.
 _ROWS = 8
 
-# Most that a weight of `weighted_median` is off, in its units: the polynomial of its exponential, and the rounding.
-WEIGHT_ERROR = 3.0
+# Most that a weight of `weighted_median` is off: the polynomial of its exponential, of 1; the rounding, in its units.
+_POLYNOMIAL_ERROR, _ROUNDING = 4e-6, 0.5
 
 # The same for float32 sums over a window, relative to the sum.
 _SUM_ERROR = 5e-6
@@ -41,10 +41,15 @@ def separable_median(
     near = np.exp(-((np.arange(window) - window // 2) / sigma_s) ** 2).astype(np.float32)
     alike = np.exp(-(np.arange(-bins, bins) / sigma_label) ** 2).astype(np.float32)
     medians, certain = np.empty(labels.shape, np.int32), np.empty(labels.shape, np.bool_)
-    error = np.float32(2 * WEIGHT_ERROR * window**2 / scale)
+    error = np.float32(2 * weight_error(scale) * window**2)
     do_tasks(_take_medians, -(-labels.shape[0] // _ROWS), labels, _Weights(lowest, bins, near, alike, error), medians,
              certain)
     return medians, certain
+
+
+def weight_error(scale: float) -> float:
+    """Most that a weight of `weighted_median`, of 1, is off where weight 1 is `scale` there."""
+    return _POLYNOMIAL_ERROR + _ROUNDING / scale
 
 
 class _Weights(NamedTuple):

@@ -36,6 +36,9 @@ _ACROSS = UNIT * len(_LANES)
 # Steps of an exponent x: x = 16 is the largest of 16 bits.
 _STEPS = 4096
 
+# What the guide, on 0..1, may be off when it is divided by sigma_c in float32.
+_FLOAT_ERROR = 1.5e-7
+
 # Steepest that exp(-u^2) falls: what an error of u does to a weight at most.
 _STEEPEST = 0.858
 
@@ -54,7 +57,8 @@ def settled_pixels(labels: Int32, guide: Float32, window: int, sigma_s: float, s
     (height, width), channels = labels.shape, guide.shape[0]
     weights = _weights(channels, window, sigma_s, sigma_c)
     levels = np.rint(guide * np.float32(weights.levels))
-    rounding = float(np.abs(guide - levels * np.float32(1 / weights.levels)).max())
+    # The guide over sigma_c is a float32 there.
+    rounding = float(np.abs(guide - levels * np.float32(1 / weights.levels)).max()) + _FLOAT_ERROR
     error += weights.error + _STEEPEST * 2 * rounding * math.sqrt(channels) / sigma_c
     margin = math.ceil(window**2 * min(error, 2.0) * float(weights.unit))
     maps = _Maps(_beside(labels, window, np.int16), _beside(levels, window, np.uint16), _columns(width, window))

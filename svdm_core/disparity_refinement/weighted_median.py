@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..kernels.arrays import Bool, Float32, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.tasks import do_tasks, share
-from .separable_median import WEIGHT_ERROR, separable_median
+from .separable_median import separable_median, weight_error
 from .settled_pixels import settled_pixels
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
@@ -50,7 +50,7 @@ def weighted_median(
     around = _Window(window, _spatial_exponents(window, sigma_s), scale)
     result = labels.copy()
     if wanted is None:
-        wanted = ~settled_pixels(labels, guide, window, sigma_s, sigma_c, WEIGHT_ERROR / float(scale))
+        wanted = ~settled_pixels(labels, guide, window, sigma_s, sigma_c, weight_error(float(scale)))
     pixels = np.flatnonzero(wanted)
     do_tasks(_search, -(-pixels.size // _CHUNK), near, there, pixels, around, result)
     return result

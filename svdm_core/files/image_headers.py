@@ -114,11 +114,12 @@ def _tiff(data: bytes) -> Size:
     order = '<' if data.startswith(b'II') else '>'
     [place] = struct.unpack_from(f'{order}I', data, 4)
     [count] = struct.unpack_from(f'{order}H', data, place)
-    numbers = {}
+    numbers: dict[int, int] = {}
     for at in range(place + 2, place + 2 + 12 * min(count, _TIFF_TAGS), 12):
         tag, kind = struct.unpack_from(f'{order}HH', data, at)
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT):
-            [numbers[tag]] = struct.unpack_from(f'{order}{_TIFF_NUMBERS[kind]}', data, at + 8)
+            [number] = struct.unpack_from(f'{order}{_TIFF_NUMBERS[kind]}', data, at + 8)
+            numbers[tag] = max(number, numbers.get(tag, 0))  # which one of several is taken, readers do not agree on
     return numbers[_TIFF_WIDTH], numbers[_TIFF_HEIGHT]
 
 

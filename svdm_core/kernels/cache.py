@@ -28,27 +28,30 @@ _PREFIX = 'svdm_kernels_'
 _KEPT_SECONDS = 30 * 24 * 3600
 """How long the folder of other sources is left alone after its last use: it may be that of another installation."""
 
-
-_ROOM = bytes(2**20)
+_PROBE = bytes(2**20)
 """What must fit on the disk for a place to be taken: some kernels."""
 _LOG = logging.getLogger(__package__)
 
 
 @functools.cache
 def cache_folder() -> Path | None:
-    """The folder for the sources as they are: in the first place that can be written, else where kernels are already,
-    else a temporary one; None where there is none. What others could write to is no place.
+    """The folder for the sources as they are: in the first place that can be written or has kernels already, else a
+    temporary one; None where there is none. What others could write to is no place.
 
     Settled once in a process, so that all kernels are in one place.
     """
     name = _PREFIX + fingerprint()
-    folders = [place / name for place in _places()]
-    ours = [folder for folder in folders if _is_ours(folder)]
-    for folder in ours:
+    places = list(_places())
+    for place in places:
+        folder = place / name
+        if not _is_trusted(folder):
+            continue
         if _is_writable(folder):
-            _remove_unused(folder.parent, name)
+            _remove_unused(place, name)
             return folder
-    return next((folder for folder in ours if any(folder.rglob('*.nbi'))), None) or _temporary_folder(folders)
+        if any(folder.rglob('*.nbi')):
+            return folder
+    return _temporary_folder(places)
 
 
 def _places() -> Iterator[Path]:
@@ -70,20 +73,21 @@ def fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
-def is_only_ours(status: os.stat_result) -> bool:
-    """Whether a file or folder is of this user, and neither its group nor others may write to it."""
-    return status.st_uid == os.geteuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+def is_trusted(status: os.stat_result) -> bool:
+    """Whether a file or folder is of this user or of root, and neither its group nor others may write to it."""
+    return status.st_uid in (os.geteuid(), 0) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _is_ours(folder: Path) -> bool:
-    """Whether the folder, made if need be, is this user's alone; a line where somebody else may put files into it."""
+def _is_trusted(folder: Path) -> bool:
+    """Whether the folder, made if need be, is this user's or root's alone; a line where others may put files into it.
+    """
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
         place, status = folder.parent.stat(), folder.lstat()
     except OSError:
         return False
     anybody = place.st_mode & stat.S_IWOTH and not place.st_mode & stat.S_ISVTX
-    if stat.S_ISDIR(status.st_mode) and is_only_ours(status) and not anybody:
+    if stat.S_ISDIR(status.st_mode) and is_trusted(status) and not anybody:
         return True
     _LOG.warning('no kernels are taken from %s: it must be a folder of your own that nobody else can write to, and no '
                  'symlink: remove it, or set NUMBA_CACHE_DIR to another folder', folder.parent if anybody else folder)
@@ -94,7 +98,7 @@ def _is_writable(folder: Path) -> bool:
     """Whether there is room for kernels; notes that the folder is used now."""
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            file.write(_ROOM)
+            file.write(_PROBE)
         os.utime(folder)
     except OSError:
         return False
@@ -109,11 +113,11 @@ def _remove_unused(place: Path, used: str) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def _temporary_folder(folders: list[Path]) -> Path | None:
+def _temporary_folder(places: list[Path]) -> Path | None:
     _LOG.warning(
         'the kernels are compiled at each start, up to a minute, as nothing can be written to %s: '
         'set NUMBA_CACHE_DIR to a folder of your own with space that can be written',
-        ' nor to '.join(str(folder.parent) for folder in folders))
+        ' nor to '.join(map(str, places)))
     try:
         folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
     except OSError:

@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.core import caching
 
-from .cache import PACKAGE, cache_folder, is_only_ours
+from .cache import PACKAGE, cache_folder, is_trusted
 
 _DIGEST = hashlib.sha256
 _DIGEST_SIZE = _DIGEST().digest_size
@@ -114,7 +114,7 @@ class _CheckedFiles(caching.IndexDataCacheFile):
             return None
         with os.fdopen(number, 'rb') as file:
             status = os.fstat(number)
-            if not stat.S_ISREG(status.st_mode) or not is_only_ours(status):
+            if not stat.S_ISREG(status.st_mode) or not is_trusted(status):
                 _drop(path, 'not only yours')
                 return None
             content = file.read()
@@ -137,6 +137,7 @@ def _write(path: str, content: bytes) -> None:
         try:
             file.write(content + _DIGEST(content).digest())
             file.flush()
+            os.fchmod(file.fileno(), 0o644)
             os.replace(file.name, path)
         except BaseException:
             with contextlib.suppress(OSError):

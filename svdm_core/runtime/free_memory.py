@@ -4,6 +4,8 @@ from __future__ import annotations
 import resource
 from pathlib import Path
 
+_GROUPS = Path('/sys/fs/cgroup')
+
 
 def free_memory() -> int | None:
     """Bytes without swapping: what the machine has, this process's control group and `ulimit -v` allow; None where
@@ -21,16 +23,23 @@ def _of_machine() -> int | None:
 
 def _of_group() -> int | None:
     """Of the group and all above it (cgroup v2), or of the group that a container sees as its own (v1)."""
-    places = [('/sys/fs/cgroup/memory', 'memory.limit_in_bytes', 'memory.usage_in_bytes')]
+    groups = [(_GROUPS / 'memory', 'memory.limit_in_bytes', 'memory.usage_in_bytes', 'total_inactive_file')]
     for line in _lines(Path('/proc/self/cgroup')):
         if line.startswith('0::'):
-            group = Path('/sys/fs/cgroup') / line[3:].lstrip('/')
-            places += [(str(folder), 'memory.max', 'memory.current') for folder in (group, *group.parents)
-                       if folder.is_relative_to('/sys/fs/cgroup')]
-    free = [limit - used for folder, *names in places
-            for limit, used in [[_number(Path(folder) / name) for name in names]]
-            if limit is not None and used is not None]
-    return max(0, min(free)) if free else None
+            group = _GROUPS / line[3:].lstrip('/')
+            groups += [(folder, 'memory.max', 'memory.current', 'inactive_file') for folder in (group, *group.parents)
+                       if folder.is_relative_to(_GROUPS)]
+    free = [_free_in(*group) for group in groups]
+    return min((one for one in free if one is not None), default=None)
+
+
+def _free_in(folder: Path, limit_file: str, usage_file: str, cached_key: str) -> int | None:
+    """Of one group. Its usage holds the files it has read and written, which give way."""
+    limit, used = (_number(folder / name) for name in (limit_file, usage_file))
+    if limit is None or used is None:
+        return None
+    cached = dict(line.split()[:2] for line in _lines(folder / 'memory.stat') if len(line.split()) == 2)
+    return max(0, limit - used + int(cached.get(cached_key, 0)))
 
 
 def _of_limit() -> int | None:

@@ -79,7 +79,7 @@ class DeclaredParameters:
             except ValueError as error:
                 raise _RefusedError(str(error)) from None
         if change.name.startswith('qos_overrides.'):
-            raise _RefusedError(f'{change.name} is read at the start only: start the node anew with it')
+            raise _RefusedError(f'{shown(change.name, _SHOWN)} is read at the start only: start the node anew with it')
         if not self._node.has_parameter(change.name):
             raise _RefusedError(f'unknown parameter {shown(change.name, _SHOWN)}: {_hint(change.name)}')
         return change

@@ -11,14 +11,13 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
-from svdm_core.files.user_files import RefusedFileError
 from svdm_core.runtime import configure
 from svdm_core.shown import line
 
 from ..processes.dds_profile import image_profile
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
-from .usage import answer, check_parameter_files
+from .usage import answer, check_ros_arguments
 
 _WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
@@ -30,13 +29,13 @@ _BAD_REQUEST = (ValueError, TypeError, AssertionError)
 def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     try:
-        check_parameter_files(sys.argv if arguments is None else arguments)  # rcl opens them with the first call
+        check_ros_arguments(sys.argv if arguments is None else arguments)  # rcl opens them with the first call
         answered = answer(remove_ros_args(arguments)[1:])
         if answered is not None:
             return answered
         configure()
         rclpy.init(args=arguments)
-    except (RuntimeError, RefusedFileError) as error:
+    except (RuntimeError, ValueError) as error:
         return _refuse_to_start(error)
     signals.end_in_order()
     return _run_node(signals)

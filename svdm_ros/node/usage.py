@@ -6,7 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from svdm_core.files.user_files import SETTINGS, check_regular
+from svdm_core.files.user_files import SETTINGS, read_yaml
+from svdm_core.presets import preset_folder, preset_names
 from svdm_core.shown import shown
 
 _USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
@@ -29,6 +30,12 @@ All parameters can be changed while the node runs:
 '''
 
 
+_ASSIGNMENTS = {
+    **dict.fromkeys(('-p', '--param'), 'NAME:=VALUE, as in -p alpha:=3.0'),
+    **dict.fromkeys(('-r', '--remap'), 'FROM:=TO, as in -r left/image_rect:=/cam/left/image_rect'),
+}
+
+
 def usage() -> str:
     """What --help prints; the outputs are those of OUTPUTS."""
     from ..frames.outputs import OUTPUTS  # takes a moment, as numpy and OpenCV come with it
@@ -37,11 +44,23 @@ def usage() -> str:
     return _USAGE.format(outputs='out:  ' + '\n      '.join(rows))
 
 
-def check_parameter_files(arguments: Sequence[str]) -> None:
-    """Raise RefusedFileError where a --params-file is none that can be read to its end: rcl would wait for ever."""
-    for flag, name in itertools.pairwise(arguments):
-        if flag == '--params-file' and Path(name).exists():  # what is missing, rcl says itself
-            check_regular(Path(name), SETTINGS)
+def check_ros_arguments(arguments: Sequence[str]) -> None:
+    """Raise ValueError with one line where rcl would wait for ever, silently take nothing, or speak of its parser."""
+    for flag, value in itertools.pairwise(arguments):
+        if flag == '--params-file':
+            _check_parameter_file(Path(value))
+        elif flag in _ASSIGNMENTS and ':=' not in value:
+            raise ValueError(f'{flag} {shown(value)} is not allowed: it must be {_ASSIGNMENTS[flag]}')
+
+
+def _check_parameter_file(path: Path) -> None:
+    if not path.exists():
+        folder = preset_folder()
+        raise ValueError(f'--params-file {shown(str(path))}: there is no such file; the presets are '
+                         f'{", ".join(preset_names())}, each a file like {folder / "fast.yaml"}')
+    if not isinstance(read_yaml(path, SETTINGS), dict):
+        raise ValueError(f"--params-file {shown(str(path))} is no ROS parameter file: expected '/**:', below it "
+                         "'ros__parameters:', below it name: value")
 
 
 def answer(arguments: Sequence[str]) -> int | None:

@@ -10,6 +10,7 @@ from scenes import noise
 
 from svdm_core import NotEnoughMemoryError, StereoMatcher, load_preset, memory
 from svdm_core.memory import needed_bytes
+from svdm_core.runtime import free_memory as free_memory_module
 from svdm_core.runtime.free_memory import free_memory
 
 
@@ -79,3 +80,31 @@ def test_svdm_match_says_what_is_needed_and_what_to_do(tmp_path, capsys, monkeyp
     told = capsys.readouterr().err
     assert told.count('\n') == 1 and 'svdm match: out of memory: 80x60 px with 64 disparities need about 0.0 GB' in told
     assert told.endswith('take smaller images or fewer num_disparities\n') and not (tmp_path / 'd.pfm').exists()
+
+
+@pytest.mark.parametrize(('cached', 'free'), [(0, 100), (300, 400)])
+def test_files_that_a_container_has_read_give_way(tmp_path, monkeypatch, cached, free):
+    """cgroup v1 and v2: the usage counts them."""
+    (tmp_path / 'memory').mkdir()
+    (tmp_path / 'memory' / 'memory.limit_in_bytes').write_text('1000\n')
+    (tmp_path / 'memory' / 'memory.usage_in_bytes').write_text('900\n')
+    (tmp_path / 'memory' / 'memory.stat').write_text(f'cache 800\ntotal_inactive_file {cached}\n')
+    monkeypatch.setattr(free_memory_module, '_GROUPS', tmp_path)
+    assert free_memory() == free
+    (tmp_path / 'memory.max').write_text('700\n')
+    (tmp_path / 'memory.current').write_text('650\n')
+    (tmp_path / 'memory.stat').write_text('anon 650\ninactive_file 0\n')
+    assert free_memory() == 50
+    (tmp_path / 'memory.max').write_text('max\n')
+    assert free_memory() == free
+
+
+def test_buffers_of_another_route_are_given_back():
+    left = noise(120, 160)
+    matcher = StereoMatcher(load_preset('paper'), 1)
+    matcher.compute(left, left)
+    matcher.parameters = load_preset('fast')
+    matcher.compute(left, left)
+    alone = StereoMatcher(load_preset('fast'), 1)
+    alone.compute(left, left)
+    assert matcher._kept.keys() == alone._kept.keys()

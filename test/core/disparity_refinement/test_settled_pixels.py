@@ -3,10 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from svdm_core.disparity_refinement.separable_median import weight_error
 from svdm_core.disparity_refinement.settled_pixels import settled_pixels
-from svdm_core.disparity_refinement.weighted_median import weighted_median
-
-ERROR = 1e-4  # what the weights of weighted_median may be off
+from svdm_core.disparity_refinement.weighted_median import _weight_scale, weighted_median
 
 
 def scene(shape, channels, labels, levels, seed):
@@ -31,7 +30,7 @@ def own_median(labels, guide, window, sigma_s, sigma_c):
 def test_what_is_settled_is_what_the_whole_weights_find(
         shape, channels, count, levels, window, sigma_s, sigma_c, seed):
     labels, guide = scene(shape, channels, count, levels, seed)
-    settled = settled_pixels(labels, guide, window, sigma_s, sigma_c, ERROR)
+    settled = settled_pixels(labels, guide, window, sigma_s, sigma_c, weight_error(_weight_scale(window)))
     assert not (settled & ~own_median(labels, guide, window, sigma_s, sigma_c)).any()
 
 
@@ -45,12 +44,12 @@ def test_hardly_a_pixel_is_left_open(channels, levels, sigma_c, share):
     shading = 0.2 + rows / 200 + columns / 150 + rng.random((channels, 40, 60)) / 20
     guide = (np.rint(shading * levels) / np.float32(levels)).astype(np.float32)
     own = own_median(labels, guide, 21, 14.0, sigma_c)
-    settled = settled_pixels(labels, guide, 21, 14.0, sigma_c, ERROR)
+    settled = settled_pixels(labels, guide, 21, 14.0, sigma_c, weight_error(_weight_scale(21)))
     assert own.sum() > 200 and settled[own].mean() > share
 
 
 def test_a_tie_is_left_open():
     """Two labels of equal weight: the smaller is the median, by the whole weights only."""
     labels, guide = np.array([[0, 5]], np.int32), np.zeros((1, 1, 2), np.float32)
-    assert not settled_pixels(labels, guide, 3, 1000.0, 100.0, ERROR).any()
+    assert not settled_pixels(labels, guide, 3, 1000.0, 100.0, weight_error(_weight_scale(3))).any()
     assert own_median(labels, guide, 3, 1000.0, 100.0).tolist() == [[True, False]]

@@ -13,6 +13,7 @@ import svdm_core
 import svdm_ros
 from svdm_core import load_preset
 from svdm_core.files.user_files import METADATA, SETTINGS, RefusedFileError, parse_yaml, read_text
+from svdm_core.presets import preset_folder
 from svdm_core.tuning.store import FigureStore
 from svdm_ros.bags import images_to_bag, process_bag
 from svdm_ros.bags.images.ground_truth import read_truth
@@ -20,7 +21,7 @@ from svdm_ros.bags.images.image_files import find_pairs, read_pixels
 from svdm_ros.bags.reading.recording import RecordingError, open_recording
 from svdm_ros.calibration.calibration_files import read_calibration
 from svdm_ros.node.process import run
-from svdm_ros.node.usage import check_parameter_files
+from svdm_ros.node.usage import check_ros_arguments
 
 LENGTHS = (10**5, 10**6)
 LONGEST_LINE = 700
@@ -231,7 +232,7 @@ def test_what_is_no_file_is_refused_where_a_file_is_read(tmp_path, at_once, kind
 def test_what_is_no_file_is_refused_as_parameters_of_the_node_preset_and_storage(tmp_path, at_once, kind):
     path = tmp_path / 'my.yaml'
     KINDS[kind](path)
-    assert f'my.yaml is {kind}' in line_of(check_parameter_files, ['x', '--ros-args', '--params-file', str(path)])
+    assert f'my.yaml is {kind}' in line_of(check_ros_arguments, ['x', '--ros-args', '--params-file', str(path)])
     assert f'my.yaml is {kind}' in line_of(load_preset, path)
     assert f'my.yaml is {kind}' in line_of(FigureStore, path)
 
@@ -243,8 +244,15 @@ def test_the_node_looks_at_its_parameter_files_before_rcl_opens_them(tmp_path, c
     assert f'not started: {path} is a pipe (FIFO): give a regular file' in capfd.readouterr().err
 
 
-def test_parameter_files_of_the_node_are_left_to_rcl_otherwise(tmp_path):
-    check_parameter_files(['x', '--params-file', str(tmp_path / 'none.yaml'), '--params-file'])
+def test_what_rcl_would_take_nothing_from_is_refused_with_what_to_write(tmp_path):
+    (tmp_path / 'text.yaml').write_text('hello')
+    for arguments, told in {
+            ('--params-file', 'fsat'): "--params-file 'fsat': there is no such file; the presets are accurate, ",
+            ('--params-file', str(tmp_path / 'text.yaml')): "is no ROS parameter file: expected '/**:'",
+            ('-p', 'alpha=3'): "-p 'alpha=3' is not allowed: it must be NAME:=VALUE",
+            ('-r', '/foo'): "-r '/foo' is not allowed: it must be FROM:=TO"}.items():
+        assert told in line_of(check_ros_arguments, ['x', '--ros-args', *arguments])
+    check_ros_arguments(['x', '--ros-args', '-p', 'alpha:=3.0', '--params-file', str(preset_folder() / 'fast.yaml')])
 
 
 @pytest.mark.parametrize('text', [bomb(), '[' * 10**5, 'a: !!bool 7', '\ud800', '\0'])
