@@ -1,6 +1,6 @@
 # Needs Python 3.12 with pip (or uv), make and git; everything else is set up below this folder, once.
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pins clean
+.PHONY: help demo test lint kernels pins clean
 
 export UV_PYTHON_DOWNLOADS := never
 export PIP_ROOT_USER_ACTION := ignore
@@ -13,6 +13,8 @@ unexport PYTHONPATH AMENT_PREFIX_PATH COLCON_PREFIX_PATH CMAKE_PREFIX_PATH ROS_D
 endif
 # Set by the ROS wheels of another environment, where make runs below one.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE VIRTUAL_ENV
+# The tests start hundreds of processes, each of which would compile all modules anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 UV_ON_PATH := $(shell command -v uv 2>/dev/null)
 UV := $(or $(UV_ON_PATH),.tools/bin/uv)
@@ -36,8 +38,14 @@ help:  ## this list
 demo: $(READY)  ## the node at work on a real stereo pair; results in demo_output/
 	@"$(PYTHON)" -m svdm_ros.demo $(ARGS)
 
-test: lint  ## lint, then all tests (ARGS='-k name' for some of them)
-	@"$(PYTHON)" -m pytest $(ARGS)
+# Two processes, a file of tests at a time in each; -n 0 in ARGS for one process, whose output -s shows.
+test: $(READY)  ## lint, then all tests (ARGS='-k name' for some of them)
+	@"$(MAKE)" --no-print-directory --jobs=2 --output-sync=target lint kernels
+	@"$(PYTHON)" -m pytest -n 2 --dist loadfile $(ARGS)
+
+# What most tests need, compiled once: two processes of tests would do it side by side.
+kernels: $(READY)
+	@"$(PYTHON)" -m svdm_core warmup
 
 lint: $(READY)  ## ruff, and mypy --strict
 	@"$(PYTHON)" -m ruff check .

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .matcher import DisparityResult, StereoMatcher
+    from .memory import NotEnoughMemoryError
     from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
     from .presets import load_preset, preset_names
 
 __all__ = [
     'DisparityResult',
     'MatcherParameters',
+    'NotEnoughMemoryError',
     'ParameterInfo',
     'StereoMatcher',
     'load_preset',
@@ -24,6 +26,7 @@ __all__ = [
 
 _MODULES = {
     'matcher': ('DisparityResult', 'StereoMatcher'),
+    'memory': ('NotEnoughMemoryError',),
     'parameters': ('MatcherParameters', 'ParameterInfo', 'parameter_info', 'parameter_table'),
     'presets': ('load_preset', 'preset_names'),
 }

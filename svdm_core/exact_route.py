@@ -14,8 +14,24 @@ from .matching_cost.preparation import PairImages, fill_plane_blocks, smoothed_g
 from .parameters import MatcherParameters
 from .phases import Crew, Phase, StageClock
 
+_NODE_BYTES = 70
+"""The trees and what is compared along them, each pixel."""
+
+_SLOT_BYTES = 2 * 4 * BLOCK + 32
+"""The costs in work and the best so far, each pixel."""
+
 _COST_BYTES = 256 * 2**20
 """Most that the costs in work may take, where one block of either view takes less: memory must not grow with cores."""
+
+
+def is_exact(parameters: MatcherParameters) -> bool:
+    """Whether stages 1 to 3 are the paper's own equations."""
+    return parameters.aggregation == 'tree' and parameters.p2 == 0
+
+
+def exact_bytes(pixels: int, parameters: MatcherParameters, threads: int) -> int:
+    """About what this route takes in memory."""
+    return pixels * (_NODE_BYTES + _SLOT_BYTES * _slots(pixels, parameters.num_disparities, threads))
 
 
 class ExactRoute:

@@ -11,12 +11,13 @@ import numpy as np
 
 from .disparity_optimization.winners import Winners
 from .disparity_refinement.refinement import Refinement, disparity_step, kernels_of
-from .exact_route import ExactRoute
+from .exact_route import ExactRoute, is_exact
 from .kernels.arrays import Bool, Float32, Image
 from .kernels.stripes import block_count
 from .kernels.wide import lanes_for, width_of
 from .matching_cost.intensity_range import IntensityRange
 from .matching_cost.preparation import PairImages, fill_levels, images_of
+from .memory import check_memory
 from .parameters import STAGES, MatcherParameters, parameter_table
 from .phases import Crew, Phase, StageClock
 from .stripe_route import StripeRoute, right_aggregation
@@ -94,11 +95,14 @@ class StereoMatcher:
         self._crew = Crew()
         self._images: PairImages | None = None
         self._kept: dict[Any, tuple[tuple[object, ...], Any]] = {}
+        self._afforded: tuple[object, ...] = ()
+        self._held = 0  # bytes of what was afforded
 
     def compute(self, left: Image, right: Image) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
 
-        Raises ValueError naming what is wrong with which image.
+        Raises ValueError naming what is wrong with which image, and NotEnoughMemoryError (a MemoryError) before
+        anything is allocated where the pair needs more memory than is free.
         """
         left, right = _checked(left, right)
         with _KERNELS:
@@ -147,6 +151,7 @@ class StereoMatcher:
 
     def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""
+        self._afford(left.shape, parameters)
         images = self._prepare(left, right, parameters, clock)
         winners = self._winners(images, parameters, clock)
         return MatchedPair(parameters, images, winners, left.shape, clock.seconds)
@@ -156,6 +161,13 @@ class StereoMatcher:
         disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
         _RUN.add(_kernels_of(matched.shape, matched.images.left.dtype, parameters))
         return DisparityResult(disparity, valid, clock.milliseconds(), disparity_step(parameters))
+
+    def _afford(self, shape: tuple[int, ...], parameters: MatcherParameters) -> None:
+        """Raises NotEnoughMemoryError where the buffers of such a pair, if they are not there yet, do not fit."""
+        wanted = shape, parameters, self._crew.threads
+        if wanted != self._afforded:
+            self._held = check_memory(*wanted, self._held)
+            self._afforded = wanted
 
     def _prepare(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> PairImages:
         """Grey levels of 8 bits, which do not depend on the depth of the images."""
@@ -169,7 +181,7 @@ class StereoMatcher:
     def _winners(self, images: PairImages, parameters: MatcherParameters, clock: StageClock) -> Winners:
         """Stages 1 to 3: with the exact tree where the paper's equations are asked for, else by stripes."""
         shape = images.left.shape
-        if _is_exact(parameters):
+        if is_exact(parameters):
             layout = ExactRoute.layout(shape, parameters, self._crew.threads)
             exact = self._keep(ExactRoute, layout, shape, parameters, self._crew.threads)
             return exact.run(images, parameters, self._crew, clock)
@@ -186,16 +198,11 @@ class StereoMatcher:
         return kept
 
 
-def _is_exact(parameters: MatcherParameters) -> bool:
-    """Whether stages 1 to 3 are the paper's own equations."""
-    return parameters.aggregation == 'tree' and parameters.p2 == 0
-
-
 @functools.lru_cache(maxsize=32)
 def _kernels_of(shape: tuple[int, ...], dtype: Any, parameters: MatcherParameters) -> tuple[object, ...]:
     """What the types of the kernels' arguments follow from: images with the same take the same kernels."""
     channels = 1 if len(shape) == 2 else shape[2]
-    return (str(dtype), channels, _is_exact(parameters), lanes_for(parameters.num_disparities), parameters.aggregation,
+    return (str(dtype), channels, is_exact(parameters), lanes_for(parameters.num_disparities), parameters.aggregation,
             right_aggregation(parameters, channels), *kernels_of(parameters))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..disparity_refinement.refinement import in_bytes
 from ..evaluation.opencv_matchers import OPENCV_METHODS
+from ..exact_route import is_exact
 from ..parameters import MatcherParameters
 from ..presets import PresetNotFoundError, load_preset, preset_names
 
@@ -65,11 +66,6 @@ def work_of(name: str) -> str:
 def threads_used(name: str, threads: int) -> int:
     """How many of `threads` a contender makes use of at all."""
     return min(threads, _OPENCV_THREADS.get(name, threads))
-
-
-def is_exact(parameters: MatcherParameters) -> bool:
-    """Whether the matcher goes the way of the paper's own equations."""
-    return parameters.aggregation == 'tree' and parameters.p2 == 0
 
 
 def why_not_modelled(parameters: MatcherParameters) -> str:

@@ -1,7 +1,8 @@
 """What the benchmarks can run at all: refused before the work, not by OpenCV or by the lack of memory in the middle."""
 from __future__ import annotations
 
-from pathlib import Path
+from ..memory import in_gigabytes
+from ..runtime.free_memory import free_memory
 
 _STEP = 16  # OpenCV rounds disparities up to a multiple of it, and StereoBM takes no image smaller than its block of 15
 _VOLUME_BYTES = 4  # a pixel and disparity: two volumes of 16 bits, of SGBM HH, the most that a contender takes
@@ -20,25 +21,13 @@ def check_limits(width: int, height: int, num_disparities: int) -> None:
 def check_memory(width: int, height: int, num_disparities: int) -> None:
     """Raises ValueError where images of this size take more memory than is free."""
     needed = width * height * (_VOLUME_BYTES * num_disparities + _PIXEL_BYTES)
-    free = _free_memory()
+    free = free_memory()
     if free is not None and needed > free:
-        raise ValueError(f'size {width}x{height} with {num_disparities} disparities needs about {_gb(needed)}, and '
-                         f'{_gb(free)} are free: take smaller images or fewer disparities')
+        raise ValueError(f'size {width}x{height} with {num_disparities} disparities needs about '
+                         f'{in_gigabytes(needed)}, and {in_gigabytes(free)} are free: take smaller images or fewer '
+                         'disparities')
 
 
 def smallest_width(num_disparities: int) -> int:
     """The narrowest image that all of OpenCV's matchers take (SGBM crashes below)."""
     return (-(-num_disparities // _STEP) + 1) * _STEP
-
-
-def _free_memory() -> int | None:
-    """Bytes that can be had without swapping, None where that is not known."""
-    try:
-        lines = Path('/proc/meminfo').read_text().splitlines()
-    except OSError:
-        return None
-    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith('MemAvailable:')), None)
-
-
-def _gb(size: int) -> str:
-    return f'{size / 1e9:.1f} GB'

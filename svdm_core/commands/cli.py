@@ -37,7 +37,7 @@ def _run(arguments: list[str]) -> int:
     except (ValueError, OSError, ImportError) as error:
         print(f'svdm {options.command}: {error}', file=sys.stderr)
     except MemoryError as error:
-        print(f'svdm {options.command}: out of memory, take smaller images or fewer disparities: {error}',
+        print(f'svdm {options.command}: out of memory: {error}: take smaller images or fewer num_disparities',
               file=sys.stderr)
     except cv2.error as error:
         print(f'svdm {options.command}: OpenCV refuses it: {" ".join(str(error).split())}', file=sys.stderr)

@@ -22,7 +22,7 @@ _LANES = 16
 _ROWS = 8
 
 # Most that a weight of `weighted_median` is off, in its units: the polynomial of its exponential, and the rounding.
-_WEIGHT_ERROR = 3.0
+WEIGHT_ERROR = 3.0
 
 # The same for float32 sums over a window, relative to the sum.
 _SUM_ERROR = 5e-6
@@ -41,7 +41,7 @@ def separable_median(
     near = np.exp(-((np.arange(window) - window // 2) / sigma_s) ** 2).astype(np.float32)
     alike = np.exp(-(np.arange(-bins, bins) / sigma_label) ** 2).astype(np.float32)
     medians, certain = np.empty(labels.shape, np.int32), np.empty(labels.shape, np.bool_)
-    error = np.float32(2 * _WEIGHT_ERROR * window**2 / scale)
+    error = np.float32(2 * WEIGHT_ERROR * window**2 / scale)
     do_tasks(_take_medians, -(-labels.shape[0] // _ROWS), labels, _Weights(lowest, bins, near, alike, error), medians,
              certain)
     return medians, certain

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..kernels.arrays import Bool, Float32, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.tasks import do_tasks, share
-from .separable_median import separable_median
+from .separable_median import WEIGHT_ERROR, separable_median
+from .settled_pixels import settled_pixels
 
 # Weights below exp(-40) are 0 after rounding; stopping there keeps `_exp_minus` free of denormal numbers.
 _LARGEST_EXPONENT = np.float32(40)
@@ -38,19 +39,18 @@ def weighted_median(
 ) -> Int32:
     """Replace labels by the weighted median of the window around them, cut off at the image border.
 
-    labels: int32 (H, W) >= 0, the disparities as integers. guide: float32 (C, H, W), C 1 or 3, on 0..1.
+    labels: int32 (H, W), 0 .. 32767, the disparities as integers. guide: float32 (C, H, W), C 1 or 3, on 0..1.
     wanted: bool (H, W), the pixels to replace, None for all. window: w_p, odd, px. sigma_s in px,
     sigma_c on 0..1. The weight of q for p is exp(-|p - q|^2 / sigma_s^2) exp(-|g(p) - g(q)|^2 / sigma_c^2),
     the median the smallest label at which the weights summed from 0 reach half of their total.
     """
     near = _surrounded(labels[None], np.int32(1), window // 2, np.int32(0))[0]
     there = _surrounded(guide, np.float32(1 / sigma_c), window // 2, _NO_NEIGHBOUR)
-    around = _Window(window, _spatial_exponents(window, sigma_s), _weight_scale(window))
+    scale = _weight_scale(window)
+    around = _Window(window, _spatial_exponents(window, sigma_s), scale)
     result = labels.copy()
     if wanted is None:
-        settled = np.empty(labels.shape, np.bool_)
-        do_tasks(_settle, labels.shape[0], near, there, around, settled)
-        wanted = ~settled
+        wanted = ~settled_pixels(labels, guide, window, sigma_s, sigma_c, WEIGHT_ERROR / float(scale))
     pixels = np.flatnonzero(wanted)
     do_tasks(_search, -(-pixels.size // _CHUNK), near, there, pixels, around, result)
     return result
@@ -103,77 +103,12 @@ def _exp_minus(x: np.float32) -> np.float32:
     return e * e
 
 
-@kernel
-def _row_weights_grey(a: Float32, b: Float32, exponent: np.float32, scale: np.float32, weights: Int32) -> None:
-    """Integer weights between pixels of two pieces of row: guide values over sigma_c (n,), `exponent` added."""
-    for i in range(weights.size):
-        u = a[i] - b[i]
-        weights[i] = np.int32(_exp_minus(exponent + u * u) * scale + np.float32(0.5))
-
-
-@kernel
-def _row_weights_colour(
-    here: tuple[Float32, Float32, Float32], there: tuple[Float32, Float32, Float32], exponent: np.float32,
-    scale: np.float32, weights: Int32,
-) -> None:
-    """The same for three channels."""
-    a0, a1, a2 = here
-    b0, b1, b2 = there
-    for i in range(weights.size):
-        u, v, w = a0[i] - b0[i], a1[i] - b1[i], a2[i] - b2[i]
-        weights[i] = np.int32(_exp_minus(exponent + (u * u + v * v + w * w)) * scale + np.float32(0.5))
-
-
-@kernel
-def _weigh_labels(weights: Int32, here: Int32, there: Int32, balance: Int32, equal: Int32) -> None:
-    """Add each weight to `equal` where the labels agree, else with its sign to `balance`."""
-    for i in range(weights.size):
-        label, other, weight = here[i], there[i], weights[i]
-        balance[i] += np.int32(other > label) * weight - np.int32(other < label) * weight
-        equal[i] += np.int32(other == label) * weight
-
-
 class _Window(NamedTuple):
     """The window of the median: its side, px; the exponents of its weights; the weight 1."""
 
     side: int
     exponents: Float32
     scale: np.float32
-
-
-@kernel
-def _settle(
-    counter: Int64, end: int, arenas: Uint8, labels: Int32, guide: Float32, window: _Window, settled: Bool
-) -> None:
-    share(_settle_row, counter, end, arenas, (labels, guide, window, settled))
-
-
-@kernel
-def _settle_row(
-    y: int, _arena: Uint8, labels: Int32, guide: Float32, window: _Window, settled: Bool
-) -> None:
-    """Where a pixel's own label is its median: weights below it < half of the total <= weights up to it.
-
-    A whole row at a time, one offset of the window after the other, so that neighbouring pixels share
-    vector instructions. labels and guide have their margins.
-    """
-    width, r = settled.shape[1], window.side // 2
-    weights = np.empty(width, np.int32)
-    balance = np.zeros(width, np.int32)
-    equal = np.zeros(width, np.int32)
-    for i in range(window.side):
-        for j in range(window.side):
-            exponent = window.exponents[i, j]
-            if guide.shape[0] == 1:
-                _row_weights_grey(guide[0, y + r, r:r + width], guide[0, y + i, j:j + width], exponent,
-                                  window.scale, weights)
-            else:
-                here = (guide[0, y + r, r:r + width], guide[1, y + r, r:r + width], guide[2, y + r, r:r + width])
-                there = (guide[0, y + i, j:j + width], guide[1, y + i, j:j + width], guide[2, y + i, j:j + width])
-                _row_weights_colour(here, there, exponent, window.scale, weights)
-            _weigh_labels(weights, labels[y + r, r:r + width], labels[y + i, j:j + width], balance, equal)
-    for x in range(width):
-        settled[y, x] = -equal[x] < balance[x] <= equal[x]
 
 
 @kernel

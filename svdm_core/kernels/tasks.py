@@ -138,9 +138,9 @@ def _pair(builder: Any, first: Any, second: Any) -> Any:
     return place
 
 
-def do_tasks(run: Callable[..., None], tasks: int, *arguments: Any) -> None:
-    """Call `run(counter, end, arenas, *arguments)`, a kernel that shares them, for tasks that need no scratch."""
-    run(np.zeros(1, np.int64), tasks, np.zeros((numba.get_num_threads(), 0), np.uint8), *arguments)
+def do_tasks(run: Callable[..., None], tasks: int, *arguments: Any, scratch: int = 0) -> None:
+    """Call `run(counter, end, arenas, *arguments)`, a kernel that shares them; scratch: bytes that a task takes."""
+    run(np.zeros(1, np.int64), tasks, np.zeros((numba.get_num_threads(), whole_lines(scratch)), np.uint8), *arguments)
 
 
 def whole_lines(size: int) -> int:

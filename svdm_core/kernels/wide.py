@@ -323,14 +323,15 @@ def first_equal_wide(_: Any, a: Any, value: Any) -> Any:
 
 
 def _where(meaning: str, condition: str) -> Any:
-    """An intrinsic f(a, b, then): `then` in the lanes in which a and b, unsigned, meet the condition, else 0."""
+    """An intrinsic f(a, b, then): `then` in the lanes in which a and b meet the condition, else 0."""
     @wide_intrinsic
     def where(_: Any, a: Any, b: Any, then: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             zero = _constant(then, 0)
+            compare = builder.icmp_signed if a.element.signed else builder.icmp_unsigned
             pieces = zip(*(split(builder, value, kind) for value, kind in zip(arguments, (a, b, then), strict=True)),
                          strict=True)
-            return join(builder, [builder.select(builder.icmp_unsigned(condition, x, y), value, zero)
+            return join(builder, [builder.select(compare(condition, x, y), value, zero)
                                    for x, y, value in pieces], then)
 
         return then(a, b, then), generate
@@ -339,5 +340,6 @@ def _where(meaning: str, condition: str) -> Any:
     return where
 
 
-where_less = _where('f(a, b, then): `then` in the lanes in which a < b, else 0; unsigned lanes.', '<')
-where_at_most = _where('f(a, b, then): `then` in the lanes in which a <= b, else 0; unsigned lanes.', '<=')
+where_less = _where('f(a, b, then): `then` in the lanes in which a < b, else 0.', '<')
+where_at_most = _where('f(a, b, then): `then` in the lanes in which a <= b, else 0.', '<=')
+where_equal_wide = _where('f(a, b, then): `then` in the lanes in which a == b, else 0.', '==')

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from svdm_core import DisparityResult, StereoMatcher
+from svdm_core import DisparityResult, NotEnoughMemoryError, StereoMatcher
 
 from ..calibration.geometry import stereo_geometry
 from .filtering import known_pixels, nothing_left
@@ -53,7 +53,8 @@ class FrameProcessor:
         self._matcher_for(parameters).warm_up([np.uint8])
 
     def process(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
-        """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair."""
+        """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair,
+        NotEnoughMemoryError."""
         left, right = self._views.of(frame)
         height, width = left.pixels.shape[:2]
         whole = stereo_geometry(left.info, right.info, width, height, parameters.baseline)
@@ -88,11 +89,9 @@ class FrameProcessor:
             return matcher.compute(pair.left, pair.right)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
-        except MemoryError:
-            height, width = pair.left.shape[:2]
-            raise FrameError(
-                'no memory', f'pair dropped: {width}x{height} px with {parameters.matcher.num_disparities} disparities '
-                             'take more memory than there is: set downscale, roi or fewer num_disparities') from None
+        except MemoryError as error:  # without a text where another process took it meanwhile
+            what = str(error) or 'the memory is used up'
+            raise NotEnoughMemoryError(f'{what}: set downscale, roi or fewer num_disparities') from None
 
     def _matcher_for(self, parameters: NodeParameters) -> StereoMatcher:
         if self._matcher is None or self._threads != parameters.num_threads:

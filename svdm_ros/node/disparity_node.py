@@ -17,6 +17,8 @@ from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from svdm_core import NotEnoughMemoryError
+
 from ..calibration.rectification import unrectified_line
 from ..frames.frame_processing import FrameProcessor
 from ..frames.outputs import OUTPUTS
@@ -289,6 +291,10 @@ class DisparityNode(Node):
         except FrameError as error:
             self._statistics.count_drop(error.reason)
             self._complain(Line(error.reason, str(error)))
+            return
+        except NotEnoughMemoryError as error:
+            self._statistics.count_drop('no memory')
+            self._complain(Line('no memory', f'pair dropped: {error}'))
             return
         finally:
             self._say_compiled()

@@ -17,7 +17,7 @@ class RunError(Exception):
 def isolated_environment(log_folder: Path, profile: Path) -> dict[str, str]:
     """Environment variables that keep these processes to themselves, with image-sized shared memory."""
     return {
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 101),  # domains above 101 use ports of the ephemeral range
+        'ROS_DOMAIN_ID': str(60 + os.getpid() % 42),  # people take low ones; ports of those above 101 may be taken
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_LOG_DIR': str(log_folder),
         'RMW_IMPLEMENTATION': 'rmw_fastrtps_cpp',

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import pytest
 from catkin_pkg.package import parse_package
 from checkout import CHECKOUT
-from node_bench import Client
+from node_bench import Client, fresh_domain
 
 VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
 ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
@@ -141,7 +141,7 @@ def installed_environment(prefix, tmp_path) -> dict[str, str]:
         'PYTHONPATH': str(site_packages),
         'AMENT_PREFIX_PATH': str(prefix),
         'ROS_LOG_DIR': str(tmp_path),
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 101),
+        'ROS_DOMAIN_ID': str(fresh_domain()),
         'FASTRTPS_DEFAULT_PROFILES_FILE': str(prefix / 'share/svdm_ros/config/fastdds.xml'),
     }
 
@@ -163,6 +163,7 @@ print(*svdm_core.preset_names())'''
 
 @pytest.mark.slow
 @pytest.mark.usefixtures('demo')  # both compile all kernels, which takes as long for two as for one
+@pytest.mark.timeout(300)
 def test_installed_node_runs_until_interrupted(prefix, installed_environment, tmp_path):
     log = tmp_path / 'node.log'
     with log.open('w') as output:
@@ -172,7 +173,7 @@ def test_installed_node_runs_until_interrupted(prefix, installed_environment, tm
             cwd=tmp_path, env=installed_environment, stdout=output, stderr=subprocess.STDOUT)
     client = Client(int(installed_environment['ROS_DOMAIN_ID']))
     try:
-        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=100)
+        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=200)
         assert node.poll() is None, log.read_text()
         node.send_signal(signal.SIGINT)
         assert node.wait(10) == 0, log.read_text()

@@ -65,7 +65,7 @@ def test_task_by_task_the_disparities_are_the_same(preset):
         clocks.append(TaskClock())
         return clocks[-1]
 
-    parameters = load_preset(preset).replace(num_disparities=16)
+    parameters = load_preset(preset)
     whole = StereoMatcher(parameters, 1).compute(left, right)
     split = StereoMatcher(parameters, 1, clock=clock).compute(left, right)
     assert whole.disparity.tobytes() == split.disparity.tobytes()
@@ -76,7 +76,7 @@ def test_task_by_task_the_disparities_are_the_same(preset):
 def test_rows_hold_a_measured_time_where_there_are_processors():
     left, right = shifted_wall(70, 100, 6)
     rounds = []
-    model = measure_model(BenchmarkPair(left, right), load_preset('fast').replace(num_disparities=16), [1, 2, 1024], 3,
+    model = measure_model(BenchmarkPair(left, right), load_preset('fast'), [1, 2, 1024], 3,
                           lambda: rounds.append(1))
     assert len(rounds) == 3 and model['serial_ms'] >= 0
     one, _, many = model['rows']

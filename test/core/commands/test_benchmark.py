@@ -11,7 +11,7 @@ from svdm_core.commands import cli
 
 def test_the_command_writes_the_figures_and_overwrites_nothing(tmp_path, capsys):
     path, picture = tmp_path / 'figures.json', tmp_path / 'figures.png'
-    arguments = ['benchmark', '--size', '160x120', '--disparities', '16', '--rounds', '1', '--threads', '1',
+    arguments = ['benchmark', '--size', '160x120', '--rounds', '1', '--threads', '1',
                  '--json', str(path), '--png', str(picture)]
     assert cli.main(arguments) == 0
     table = capsys.readouterr().out
@@ -50,7 +50,7 @@ def test_images_that_do_not_fit_are_named(tmp_path, capsys):
         assert words in capsys.readouterr().err
 
 
-SMALL = ['benchmark', '--size', '160x120', '--disparities', '16', '--rounds', '2', '--threads', '1']
+SMALL = ['benchmark', '--size', '160x120', '--rounds', '2', '--threads', '1']
 
 
 def test_methods_are_chosen_and_modelled(tmp_path, capsys):

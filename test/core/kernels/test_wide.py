@@ -13,7 +13,7 @@ from checkout import CHECKOUT
 from svdm_core.kernels import instructions, wide
 from svdm_core.kernels.vectors import pointer
 
-LANES = (16, 32, 64, 96, 128, 1024)  # one piece of each size, three of 32, two and sixteen of 64
+LANES = (16, 32, 64, 96, 192)  # one piece of each size, three of 32 and of 64
 KINDS = (np.uint8, np.uint16)
 OFFSET = 3  # vectors need not begin where an array does
 BEHIND = 5
@@ -35,6 +35,7 @@ EXPECTED = {
     'lanes_above': lambda a, b: np.concatenate([a[1:], [np.iinfo(a.dtype).max]]).astype(a.dtype),
     'where_less': lambda a, b: np.where(a < b, a, 0).astype(a.dtype),
     'where_at_most': lambda a, b: np.where(a <= b, b, 0).astype(a.dtype),
+    'where_equal_wide': lambda a, b: np.where(a == b, b, 0).astype(a.dtype),
     'load_wide': lambda a, b: a,
     'splat_wide': lambda a, b: np.full_like(a, b[0]),
 }
@@ -85,8 +86,9 @@ def all_lanewise(x, y, to, pitch, lanes):
     wide.store_wide(to, 13 * pitch + OFFSET, wide.lanes_above(a))
     wide.store_wide(to, 14 * pitch + OFFSET, wide.where_less(a, b, a))
     wide.store_wide(to, 15 * pitch + OFFSET, wide.where_at_most(a, b, b))
-    wide.store_wide(to, 16 * pitch + OFFSET, a)
-    wide.store_wide(to, 17 * pitch + OFFSET, wide.splat_wide(y[OFFSET], lanes))
+    wide.store_wide(to, 16 * pitch + OFFSET, wide.where_equal_wide(a, b, b))
+    wide.store_wide(to, 17 * pitch + OFFSET, a)
+    wide.store_wide(to, 18 * pitch + OFFSET, wide.splat_wide(y[OFFSET], lanes))
 
 
 @numba.njit
@@ -136,9 +138,10 @@ def test_the_least_the_sum_and_the_first_equal_lane(lanes, kind):
 def conversions(x, y, z, small, large, lanes):
     """Of uint8 x, uint16 y and two vectors z of int16: what is of 8 bits to small, of 16 to large."""
     a, b = wide.load_wide(pointer(x), 0, lanes), wide.load_wide(pointer(y), 0, lanes)
+    c, d = wide.load_wide(pointer(z[0]), 0, lanes), wide.load_wide(pointer(z[1]), 0, lanes)
     wide.store_wide(pointer(large[0]), 0, wide.widen(a))
-    wide.store_wide(pointer(large[1]), 0, wide.absolute_difference(wide.load_wide(pointer(z[0]), 0, lanes),
-                                                                    wide.load_wide(pointer(z[1]), 0, lanes)))
+    wide.store_wide(pointer(large[1]), 0, wide.absolute_difference(c, d))
+    wide.store_wide(pointer(large[2]), 0, wide.where_less(c, d, b))
     wide.store_wide(pointer(small[16]), 0, wide.narrow_wide(wide.shift_right(b, 8)))
     wide.store_wide(pointer(small[17]), 0, wide.where_less(b, wide.widen(a), a))
     nibbles = wide.shift_right(a, 4)
@@ -152,10 +155,11 @@ def test_lanes_become_wider_and_narrower_and_signed_ones_differences(lanes):
     y[::2] //= 256
     z = np.array([values(np.int16, lanes, 6), values(np.int16, lanes, 7)])
     z[:, 1] = -2**15, 2**15 - 1
-    small, large = np.zeros((18, lanes), np.uint8), np.zeros((2, lanes), np.uint16)
+    small, large = np.zeros((18, lanes), np.uint8), np.zeros((3, lanes), np.uint16)
     conversions(x, y, z, small, large, lanes_of(lanes))
     np.testing.assert_array_equal(large[0], x)
     np.testing.assert_array_equal(large[1], np.abs(z[0].astype(int) - z[1]))
+    np.testing.assert_array_equal(large[2], np.where(z[0] < z[1], y, 0))
     np.testing.assert_array_equal(small[16], y >> 8)
     np.testing.assert_array_equal(small[17], np.where(y < x, x, 0))
     for own in range(16):

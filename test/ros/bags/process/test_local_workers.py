@@ -19,7 +19,7 @@ from svdm_ros.bags.process_bag import main
 SMALL = ('--set', 'num_disparities=16', 'median_scope=all', 'w_p=41')
 """Few disparities, and a median that makes each pair last long enough to be interrupted."""
 
-PAIRS = 200
+PAIRS = 80
 COMMAND = '''
 import sys
 from svdm_ros.bags import process_bag

@@ -1,0 +1,58 @@
+"""What a pair takes in memory, compared with what is free before anything is allocated."""
+from __future__ import annotations
+
+from .cost_aggregation import stripe_trees
+from .disparity_optimization import semiglobal
+from .exact_route import exact_bytes, is_exact
+from .kernels.stripes import rows_of
+from .kernels.wide import lanes_for, width_of
+from .parameters import MatcherParameters
+from .runtime.free_memory import free_memory
+from .stripe_route import right_aggregation
+
+_PIXEL = 64
+"""Bytes a pixel, of either route: planes, edges, winners, what comes out."""
+
+_CHANNEL = 16
+"""The same for each channel."""
+
+_TREES = 44
+"""Bytes a pixel of a view with trees by stripes."""
+
+
+class NotEnoughMemoryError(MemoryError):
+    """A pair needs more memory than is free: nothing was allocated."""
+
+
+def needed_bytes(shape: tuple[int, ...], parameters: MatcherParameters, threads: int) -> int:
+    """About what a matcher takes for images of `shape`, (H, W) or (H, W, 3), beside the images."""
+    pixels, channels = shape[0] * shape[1], 1 if len(shape) == 2 else shape[2]
+    common = pixels * (_PIXEL + _CHANNEL * channels)
+    if is_exact(parameters):
+        return common + exact_bytes(pixels, parameters, threads)
+    lanes = width_of(lanes_for(parameters.num_disparities))
+    scratch = semiglobal.scratch_size(shape[1], lanes, parameters.paths)
+    volumes = 0
+    for kind, every in ((parameters.aggregation, 1), (right_aggregation(parameters, channels), parameters.right_rows)):
+        if kind == 'tree':
+            rows = rows_of(shape, every)
+            volumes += rows.height * rows.width * (lanes + _TREES)
+            scratch = max(scratch, stripe_trees.scratch_size(rows))
+    return common + volumes + threads * scratch
+
+
+def check_memory(shape: tuple[int, ...], parameters: MatcherParameters, threads: int, held: int = 0) -> int:
+    """`needed_bytes`. held: what the last pair took, which is given back first.
+
+    Raises NotEnoughMemoryError where that is more than is free.
+    """
+    needed, free = needed_bytes(shape, parameters, threads), free_memory()
+    if free is not None and needed > free + held:
+        raise NotEnoughMemoryError(
+            f'{shape[1]}x{shape[0]} px with {parameters.num_disparities} disparities need about '
+            f'{in_gigabytes(needed)}, and {in_gigabytes(free + held)} are free')
+    return needed
+
+
+def in_gigabytes(size: int) -> str:
+    return f'{size / 1e9:.1f} GB'
