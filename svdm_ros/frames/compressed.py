@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.memory import is_out_of_memory
+
 if TYPE_CHECKING:
     from sensor_msgs.msg import CompressedImage
 
@@ -46,7 +48,9 @@ def decode(message: CompressedImage) -> tuple[Pixels, str]:
     _check_size(*_declared_size(data.tobytes(), stored_format))
     try:
         pixels: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:
+    except cv2.error as error:
+        if is_out_of_memory(error):
+            raise
         pixels = None
     if pixels is None:
         raise ValueError(f'its {data.size} bytes of format {_shown(stored_format)} are a damaged or unusual image: '
