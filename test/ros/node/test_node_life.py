@@ -111,6 +111,9 @@ def test_what_is_missing_is_told_one_after_the_other(tmp_path):
         assert (message.f, message.t) == (0, 0)
         line = node.wait_for_log('no left/camera_info and no right/camera_info received')
         assert 'disparity published with f = 0, t = 0' in line
+        assert client.set_parameters(baseline=0.5)['baseline'].successful
+        client.wait_for_trouble('the parameter baseline = 0.5 m is not enough',
+                                each=lambda: client.publish_pair(*dots()))
 
 
 def test_images_that_come_during_the_compilation_are_dropped_and_counted(tmp_path):
@@ -178,12 +181,18 @@ import sys
 from stereo_msgs.msg import DisparityImage
 from svdm_ros.frames import frame_processing
 from svdm_ros.node import disparity_node
+from rclpy.executors import SingleThreadedExecutor
 from svdm_ros.__main__ import main
 
 # As if it stood in the node's module: an error of rclpy's own would be a bad request.
 exec("def fail(*_): raise ValueError('made to fail')", vars(disparity_node))
 frame_processing.FrameProcessor.warm_up = disparity_node.fail
-disparity_node.DisparityNode._take_info = disparity_node.fail
+disparity_node.CameraInfos.take = disparity_node.fail
+
+# What rclpy raises where a message does not fit into the memory; when it does is up to the moment.
+spin_once, errors = SingleThreadedExecutor.spin_once, [MemoryError(), RuntimeError('Unable to convert')]
+SingleThreadedExecutor.spin_once = lambda self: fail_to_take(errors.pop()) if errors else spin_once(self)
+def fail_to_take(error): raise error
 sys.exit(main())
 """
 
@@ -201,6 +210,9 @@ def test_defects_of_the_node_are_told_and_counted_and_do_not_end_it(tmp_path):
         counts = client.counts()
         assert counts['defects'] == 3
         assert 'dropped: failed' not in counts
+        assert counts['dropped: not taken'] == counts['dropped: no memory'] == 1
+        assert 'message dropped, rclpy cannot take it: Unable to convert: look at its size' in node.log
+        assert 'message dropped: the memory is used up' in node.log
         assert 'a request was dropped' not in node.log
         assert node.log.count('made to fail') == 2  # the second callback of a kind is held back
         assert node.end(signal.SIGINT, limit=5.0) == 0
