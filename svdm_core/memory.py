@@ -10,6 +10,7 @@ from .kernels.stripes import rows_of
 from .kernels.wide import lanes_for, width_of
 from .parameters import MatcherParameters
 from .runtime.free_memory import free_memory
+from .shown import cut
 from .stripe_route import right_aggregation
 
 _PIXEL = 64
@@ -34,7 +35,7 @@ def is_out_of_memory(error: BaseException) -> bool:
 def lacking_text(error: BaseException) -> str:
     """What an error for which `is_out_of_memory` holds says, in one line."""
     text = error.err if isinstance(error, cv2.error) else str(error)
-    return ' '.join(text.split())[:200] or 'the memory is used up'  # no text where another process took it meanwhile
+    return cut(text) or 'the memory is used up'  # no text where another process took it meanwhile
 
 
 def needed_bytes(shape: tuple[int, ...], parameters: MatcherParameters, threads: int) -> int:

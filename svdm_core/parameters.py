@@ -6,15 +6,17 @@ from `MatcherParameters`; nothing else states a default or a range.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Mapping
 from typing import Any, cast
 
 from .cost_aggregation import AGGREGATIONS
+from .shown import nearest, shown
 
 STAGES = ('matching_cost', 'cost_aggregation', 'disparity_optimization', 'disparity_refinement')
 """The four stages in their order, each a package."""
+_SHOWN = 100
+"""Characters of a value in a refusal, which is read in a small window."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -62,8 +64,9 @@ class ParameterInfo:
         if converted is None or not self._holds(converted):
             unit = f' {self.unit}' if self.unit and not self.form else ''
             kind = {int: 'an integer, ', float: 'a number, '}.get(self.type, '')
-            shown = converted if isinstance(converted, int) else value  # 4, also where it was given as 4.0
-            raise ValueError(f'{self.name} = {shown!r} is not allowed: it must be {kind}{self.allowed}{unit}')
+            given = converted if isinstance(converted, int) else value  # 4, also where it was given as 4.0
+            raise ValueError(f'{self.name} = {shown(given, _SHOWN)} is not allowed: it must be '
+                             f'{kind}{self.allowed}{unit}')
         result: bool | int | float | str = converted
         return result
 
@@ -235,6 +238,6 @@ def parameter_info(name: str) -> ParameterInfo:
     """The entry of one parameter; ValueError with the nearest names where there is none."""
     if name in _FIELDS:
         return _FIXED.get(name) or _info(_FIELDS[name])
-    near = difflib.get_close_matches(name, _FIELDS, n=1)
-    hint = f'did you mean {near[0]}?' if near else 'known are ' + ', '.join(_FIELDS)
-    raise ValueError(f'unknown parameter {name!r}: {hint}')
+    near = nearest(name, _FIELDS)
+    hint = f'did you mean {near}?' if near else 'known are ' + ', '.join(_FIELDS)
+    raise ValueError(f'unknown parameter {shown(name, _SHOWN)}: {hint}')

@@ -6,7 +6,9 @@ from typing import Any
 
 import yaml
 
+from .files.user_files import SETTINGS, read_yaml
 from .parameters import MatcherParameters
+from .shown import shown
 
 
 class PresetNotFoundError(FileNotFoundError, ValueError):
@@ -48,12 +50,11 @@ def preset_values(name_or_path: str | Path) -> dict[str, Any]:
     """What a preset, or any ROS parameter file of one node, sets: name -> value, not checked. Raises as `load_preset`.
     """
     path = _preset_path(name_or_path)
-    if not path.is_file():
-        raise PresetNotFoundError(f'no preset {str(name_or_path)!r}: {_there_are()}, or give a .yaml file')
+    if not path.exists():
+        raise PresetNotFoundError(f'no preset {shown(str(name_or_path))}: {_there_are()}, or give a .yaml file')
+    document = read_yaml(path, SETTINGS)
     try:
-        return _ros_parameters(yaml.safe_load(path.read_text()))
-    except yaml.YAMLError as error:
-        raise ValueError(f'{path}: not YAML: {" ".join(str(error).split())}') from None
+        return _ros_parameters(document)
     except ValueError as error:
         raise ValueError(f'{path}: {error}') from None
 
@@ -95,5 +96,5 @@ def _ros_parameters(document: Any) -> dict[str, Any]:
 def _named(values: dict[Any, Any]) -> dict[str, Any]:
     for name in values:
         if not isinstance(name, str):  # YAML reads 1, yes and 2024-01-01 as something else
-            raise ValueError(f'the parameter name {name!r} is not allowed: it must be a string')
+            raise ValueError(f'the parameter name {shown(name)} is not allowed: it must be a string')
     return values

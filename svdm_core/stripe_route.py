@@ -18,6 +18,8 @@ from .parameters import MatcherParameters
 from .phases import Phase
 
 _BYTE = 255  # what a lane of the sums holds
+_SMALLEST_EDGE = 1e-6
+"""Grey levels; below, all edges take P2 away, and quotients overflow."""
 
 
 class StripeRoute:
@@ -94,7 +96,8 @@ class StripeRoute:
         largest = max(largest_cost(parameters), 1e-9)
         units = [side.full_cost * _pixel_cost(side, parameters) / side.pixel_cost / largest for side in self.sides]
         p1 = [min(round(min(parameters.p1, parameters.p2) * unit), 255) for unit in units]
-        p2 = [p2_table(p1[k], parameters.p2 * unit, parameters.p2_edge / level_unit) for k, unit in enumerate(units)]
+        edge = max(parameters.p2_edge, _SMALLEST_EDGE) / level_unit if parameters.p2_edge else 0.0
+        p2 = [p2_table(p1[k], parameters.p2 * unit, edge) for k, unit in enumerate(units)]
         return Penalties(np.uint8(p1[0]), np.uint8(p1[1]), p2[0], p2[1], self._across, self._down)
 
 

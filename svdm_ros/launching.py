@@ -1,20 +1,20 @@
 """What the launch files share: their arguments, the checks of what was given, and what they start."""
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
 
+from svdm_core.files.user_files import SETTINGS, RefusedFileError, read_yaml
 from svdm_core.presets import preset_folder, preset_names
+from svdm_core.shown import nearest, shown
 
 Arguments = Mapping[str, tuple[str, str]]
 """Launch arguments: name -> (default, description)."""
@@ -133,7 +133,7 @@ def parameter_file(name_or_path: str) -> Path:
         return path
     what = 'no file' if path.suffix in ('.yaml', '.yml') or len(path.parts) > 1 else 'no preset'
     raise LaunchArgumentError(
-        f'params_file: {what} {name_or_path!r}. Give the path of a ROS parameter file, or a preset: '
+        f'params_file: {what} {shown(name_or_path)}. Give the path of a ROS parameter file, or a preset: '
         f'{", ".join(preset_names())}')
 
 
@@ -146,9 +146,9 @@ def _refuse_unknown(context: LaunchContext, file: str, arguments: Arguments) -> 
         return
     for name in (word.partition(':=')[0] for word in context.argv if ':=' in word):
         if name not in arguments:
-            near = difflib.get_close_matches(name, arguments, n=1)
-            hint = f'Did you mean {near[0]}? ' if near else ''
-            raise LaunchArgumentError(f'unknown launch argument {name!r}. {hint}Known are: {", ".join(arguments)}')
+            near = nearest(name, arguments)
+            hint = f'Did you mean {near}? ' if near else ''
+            raise LaunchArgumentError(f'unknown launch argument {shown(name)}. {hint}Known are: {", ".join(arguments)}')
 
 
 def _overrides(given: Given) -> dict[str, Any]:
@@ -161,7 +161,7 @@ def _overrides(given: Given) -> dict[str, Any]:
 
 def _read_bool(name: str, text: str) -> bool:
     if text.lower() not in _TRUTH:
-        raise LaunchArgumentError(f'{name}: {text!r} is not allowed. Give one of: {", ".join(_TRUTH)}')
+        raise LaunchArgumentError(f'{name}: {shown(text)} is not allowed. Give one of: {", ".join(_TRUTH)}')
     return _TRUTH[text.lower()]
 
 
@@ -169,7 +169,7 @@ def _read_float(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise LaunchArgumentError(f'{name}: {text!r} is not a number') from None
+        raise LaunchArgumentError(f'{name}: {shown(text)} is not a number') from None
 
 
 def _read_text(_: str, text: str) -> str:
@@ -178,17 +178,17 @@ def _read_text(_: str, text: str) -> str:
 
 def _existing(name: str, path: str) -> Path:
     if not Path(path).expanduser().is_file():
-        raise LaunchArgumentError(f'{name}: no file {path!r}')
+        raise LaunchArgumentError(f'{name}: no file {shown(path)}')
     return Path(path).expanduser()
 
 
 def _value_in_file(file: Path, name: str) -> Any:
     """What a ROS parameter file sets for any node; None where it is silent. What is wrong with it, the node says."""
     try:
-        document = yaml.safe_load(file.read_text())
+        document = read_yaml(file, SETTINGS)
         return next((node['ros__parameters'][name] for node in document.values()
                      if name in node['ros__parameters']), None)
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, UnicodeDecodeError):
+    except (RefusedFileError, AttributeError, KeyError, TypeError):
         return None
 
 

@@ -2,5 +2,9 @@
 import os
 import tempfile
 
+from hypothesis import settings
+
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='svdm_test_log_')
+settings.register_profile('long', max_examples=2000, deadline=None)
+"""`pytest --hypothesis-profile=long`: for the tests that feed mutated files."""

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from ..missing_modules import not_installed
 from .contenders import is_own
 
 _WIDTH = 160  # characters, where the output is no terminal
@@ -92,7 +93,7 @@ def check_picture(suffix: str) -> None:
     try:
         from matplotlib.backend_bases import FigureCanvasBase
     except ImportError:
-        raise ImportError('matplotlib is not installed, which draws the picture: leave it out') from None
+        raise ImportError(f'{not_installed(["matplotlib"])}; or leave the picture out') from None
 
     known = sorted(FigureCanvasBase.get_supported_filetypes())
     if suffix.lower().removeprefix('.') not in known:

@@ -14,6 +14,7 @@ from ..benchmark.contenders import all_methods, contender_names, is_own, paramet
 from ..benchmark.limits import check_limits
 from ..files.images import read_image
 from ..files.output_files import check_outputs, write_outputs
+from ..missing_modules import not_installed
 from ..parameters import parameter_info
 from .argument_types import count, size, thread_counts
 from .options import disparities
@@ -193,6 +194,6 @@ def _motorcycle() -> runs.BenchmarkPair:
     try:
         from skimage.data import stereo_motorcycle
     except ImportError:
-        raise ImportError('scikit-image is not installed, which carries the pair: give one with --pair') from None
+        raise ImportError(f'{not_installed(["skimage"])}; or give a pair of your own with --pair') from None
     left, right, truth = cast(Callable[[], tuple[Any, Any, Any]], stereo_motorcycle)()
     return runs.BenchmarkPair(left[..., ::-1].copy(), right[..., ::-1].copy(), truth)

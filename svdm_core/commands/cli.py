@@ -5,9 +5,9 @@ import argparse
 import importlib
 import sys
 
-import cv2
-
+from ..missing_modules import missing_line
 from ..runtime.interrupts import INTERRUPTED
+from ..shown import line
 
 # Command -> its line in the help; only the module of the command given is imported.
 COMMANDS = {
@@ -28,19 +28,24 @@ def main(arguments: list[str] | None = None) -> int:
         return _run(given)
     except KeyboardInterrupt:
         return INTERRUPTED
+    except ImportError as error:
+        print(f'{" ".join(["svdm", *given[:1]])}: {missing_line(error)}', file=sys.stderr)
+        return 2
 
 
 def _run(arguments: list[str]) -> int:
+    import cv2  # may be missing, which is to be one line
+
     options = _parser(arguments).parse_args(arguments)
     try:
         return int(options.run(options))
-    except (ValueError, OSError, ImportError) as error:
-        print(f'svdm {options.command}: {error}', file=sys.stderr)
+    except (ValueError, OSError) as error:
+        print(f'svdm {options.command}: {line(error)}', file=sys.stderr)
     except MemoryError as error:
-        print(f'svdm {options.command}: out of memory: {error}: take smaller images or fewer num_disparities',
+        print(f'svdm {options.command}: out of memory: {line(error)}: take smaller images or fewer num_disparities',
               file=sys.stderr)
     except cv2.error as error:
-        print(f'svdm {options.command}: OpenCV refuses it: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'svdm {options.command}: OpenCV refuses it: {line(error)}', file=sys.stderr)
     return 2
 
 

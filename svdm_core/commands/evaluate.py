@@ -22,6 +22,7 @@ from ..evaluation.scene_evaluation import (
 )
 from ..evaluation.scene_sets import RESOLUTIONS, SceneSet, find_scenes
 from ..files.output_files import check_outputs, write_outputs
+from ..shown import line
 from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
         contents[options.html] = page.render(document, methods, metrics, scene_set.weights).encode()
     write_outputs(contents, options.force)
     for failure in result.failures:
-        print(f'svdm evaluate: left out: {failure}', file=sys.stderr)
+        print(f'svdm evaluate: left out: {line(failure)}', file=sys.stderr)
     return 1 if result.failures else 0
 
 

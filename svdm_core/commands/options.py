@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..parameters import MatcherParameters, parameter_info
 from ..presets import load_preset
+from ..shown import cut
 from .argument_types import count
 
 
@@ -43,6 +44,6 @@ def parse_changes(changes: Sequence[str]) -> dict[str, bool | int | float | str]
     for change in changes:
         name, equals, text = change.partition('=')
         if not equals:
-            raise ValueError(f'--set {change} is not allowed: write it as name=value')
+            raise ValueError(f'--set {cut(change)} is not allowed: write it as name=value')
         values[name] = parameter_info(name).parse(text)
     return values

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
 from ..files.output_files import check_outputs, write_outputs
+from ..missing_modules import not_installed
 from ..presets import preset_text
 from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
 from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
@@ -115,9 +116,9 @@ def _check_files(options: argparse.Namespace) -> None:
 def _check_modules(options: argparse.Namespace) -> None:
     needed = ['rich', *(['optuna'] if options.search is not None else []),
               *(['jinja2', 'matplotlib'] if options.html else [])]
-    for name in needed:
-        if importlib.util.find_spec(name) is None:
-            raise ImportError(f"{name} is not installed, of the extra 'tune'")
+    missing = [name for name in needed if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ImportError(not_installed(missing))
 
 
 def _when_to_take(study: report.Study) -> str:

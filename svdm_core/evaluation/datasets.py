@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from pathlib import Path
 
 import cv2
@@ -10,6 +9,7 @@ import numpy as np
 
 from ..files.images import read_image
 from ..files.pfm import read_pfm
+from ..files.user_files import SETTINGS, read_text
 from ..kernels.arrays import Bool, Float32, Image
 
 # Middlebury v3 counts the scenes with the harder light or structure half.
@@ -71,11 +71,12 @@ def middlebury_scenes(folder: Path) -> list[Path]:
 def read_middlebury_scene(folder: Path) -> StereoScene:
     """Read one scene. ValueError or FileNotFoundError name the file that is missing or wrong."""
     left, right = read_image(folder / 'im0.png'), read_image(folder / 'im1.png')
-    ndisp = re.search(r'^ndisp=(\d+)', (folder / 'calib.txt').read_text(errors='replace'), re.MULTILINE)
-    if ndisp is None or not int(ndisp[1]):
+    lines = read_text(folder / 'calib.txt', SETTINGS).splitlines()
+    ndisp = next((line.partition('=')[2].strip() for line in lines if line.startswith('ndisp=')), '')
+    if not (ndisp.isascii() and ndisp.isdigit() and len(ndisp) < 6 and int(ndisp)):
         raise ValueError(f'{folder / "calib.txt"}: no line ndisp=<number>')
     nonocc = read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
     truths = [folder / name for name in _TRUTH_NAMES if (folder / name).is_file()]
     if not truths:
         raise FileNotFoundError(f'{folder}: no {" nor ".join(_TRUTH_NAMES)} in it')
-    return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, int(ndisp[1]))
+    return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, int(ndisp))

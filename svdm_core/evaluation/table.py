@@ -6,9 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
+from ..shown import cut
 from .metric_names import OF_THE_MAP, REGION_TITLES, unit, written
 from .scene_evaluation import REGIONS
 
@@ -23,7 +25,7 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
         task = bar.add_task('compiling the kernels', total=total + 1)
 
         def tell(what: str) -> None:
-            bar.update(task, advance=1, description=what)
+            bar.update(task, advance=1, description=escape(cut(what)))
 
         yield tell
 
@@ -52,4 +54,4 @@ def _add_rows(
     for number, (method, values) in enumerate(figures.items()):
         cells = [written(metric, values[f'{metric}_{region}']) for metric in metrics]
         whole = [written(metric, values[metric]) for metric in OF_THE_MAP]
-        table.add_row('' if number else label, method, *cells, *whole)
+        table.add_row('' if number else escape(cut(label)), escape(cut(method)), *cells, *whole)

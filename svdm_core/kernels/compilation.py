@@ -6,7 +6,7 @@ from typing import Any, cast, overload
 
 import numba
 
-from .cache import cache_folder
+from .cache_files import kernel_cache
 
 _SETTINGS: Any = numba.config  # comes without types
 
@@ -32,11 +32,8 @@ def kernel(function: Callable[..., Any] | None = None, /, *, inline: bool = Fals
     is `inline`: part of each kernel that calls it.
     """
     def decorate[Function: Callable[..., Any]](function: Function) -> Function:
-        before = _SETTINGS.CACHE_DIR
-        _SETTINGS.CACHE_DIR = str(cache_folder())  # numba settles where a kernel is cached when it is decorated
-        try:
-            return cast(Function, numba.njit(cache=True, nogil=True, inline='always' if inline else 'never')(function))
-        finally:
-            _SETTINGS.CACHE_DIR = before
+        dispatcher: Any = numba.njit(nogil=True, inline='always' if inline else 'never')(function)
+        dispatcher._cache = kernel_cache(function)  # numba's own cache loads whatever it finds
+        return cast(Function, dispatcher)
 
     return decorate if function is None else decorate(function)

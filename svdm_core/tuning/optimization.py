@@ -12,6 +12,7 @@ from ..evaluation.datasets import MIDDLEBURY_WEIGHTS, StereoScene
 from ..evaluation.metrics import error_metrics, weighted_average
 from ..evaluation.streaks import streak_share
 from ..kernels.arrays import Float32
+from ..missing_modules import not_installed
 from ..parameters import MatcherParameters
 from .ranges import ParameterRange, Value, once_each
 from .stage_reuse import StageReuse
@@ -151,7 +152,7 @@ def joint_search(
     try:
         import optuna
     except ImportError:
-        raise ImportError("the joint search needs optuna, of the extra 'tune'") from None
+        raise ImportError(not_installed(['optuna'])) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=_SEED))
     found = []

@@ -8,10 +8,12 @@ from typing import Any
 
 from ..evaluation import metrics, streaks
 from ..evaluation.datasets import StereoScene
+from ..files.user_files import Limits, check_regular
 from ..kernels.cache import fingerprint
 
 _MATCHER = Path(__file__).resolve().parents[1]
 _START = b'{"key": "'
+_LIMITS = Limits(2**30)
 
 
 class FigureStore:
@@ -27,6 +29,8 @@ class FigureStore:
         self._known: dict[str, dict[str, float]] = {}
         if path is None:
             return
+        if path.exists():
+            check_regular(path, _LIMITS)
         lines = path.read_bytes().split(b'\n') if path.exists() else [b'']
         for number, line in enumerate(lines, 1):
             if line and not _is_torn(line):
@@ -50,7 +54,7 @@ class FigureStore:
     def _read(self, line: bytes, number: int) -> None:
         try:
             entry = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             entry = None
         if not isinstance(entry, dict) or not {'key', 'figures'} <= set(entry):
             raise ValueError(f'{self._path}: line {number} is not of a file of svdm tune: name another file')

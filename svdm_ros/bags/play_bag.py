@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from svdm_core.commands.argument_types import count, not_negative, positive
+from svdm_core.missing_modules import missing_line
 
 from ..node.end_signals import EndSignals
 
@@ -22,7 +23,7 @@ def main() -> int:
     try:
         from .play.playback import play  # takes a second, as rclpy comes with it
     except ImportError as error:
-        print(f'play_bag: {error}: it needs ROS 2 Jazzy and rosbags (pip install rosbags)', file=sys.stderr)
+        print(f'play_bag: {missing_line(error)}', file=sys.stderr)
         return 2
     return play(options, ros_arguments)
 

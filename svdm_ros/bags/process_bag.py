@@ -8,6 +8,8 @@ from pathlib import Path
 from types import FrameType
 
 from svdm_core.commands.argument_types import count, not_negative, positive
+from svdm_core.missing_modules import missing_line
+from svdm_core.shown import line
 
 _INTERRUPTED = 130
 
@@ -23,12 +25,11 @@ def main(arguments: list[str] | None = None) -> int:
 
         return run(options)
     except OSError as error:
-        print(f'process_bag: {error.filename or options.output}: {error.strerror or error}', file=sys.stderr)
+        print(line(f'process_bag: {error.filename or options.output}: {error.strerror or error}'), file=sys.stderr)
     except ValueError as error:
-        print(f'process_bag: {error}', file=sys.stderr)
+        print(f'process_bag: {line(error)}', file=sys.stderr)
     except ImportError as error:
-        print(f'process_bag: {error}: install svdm_ros with the extra bags, for --scheduler with cluster',
-              file=sys.stderr)
+        print(f'process_bag: {missing_line(error)}', file=sys.stderr)
     except KeyboardInterrupt:
         print('process_bag: interrupted; what is done is kept, the same command goes on from there', file=sys.stderr)
         return _INTERRUPTED
@@ -53,7 +54,8 @@ def _parser() -> argparse.ArgumentParser:
     source.add_argument('--params', type=Path, metavar='FILE', help='parameter file, as ros2 takes it')
     parser.add_argument('--set', nargs='+', action='extend', default=[], dest='changes', metavar='NAME=VALUE',
                         help="change parameters of it, the matcher's and the node's")
-    parser.add_argument('--left', metavar='TOPIC', help='left images (found where there is one pair)')
+    parser.add_argument('--left', metavar='TOPIC',
+                        help='left images (found where there is one pair); with layout=side_by_side the one topic')
     parser.add_argument('--right', metavar='TOPIC', help='right images')
     parser.add_argument('--calib', type=Path, action='append', metavar='FILE',
                         help='calibration in place of camera_info, of KITTI, EuRoC, Middlebury v3 or ROS; twice for '

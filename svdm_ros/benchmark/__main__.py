@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from svdm_core.benchmark.limits import check_memory
 from svdm_core.commands.argument_types import positive, size
 from svdm_core.files.output_files import check_outputs, write_outputs
+from svdm_core.missing_modules import missing_line
 from svdm_core.presets import load_preset, preset_names
 
 from ..node.end_signals import EndSignals
@@ -26,7 +26,13 @@ def main(arguments: list[str] | None = None) -> int:
     """
     signals = EndSignals(INTERRUPTED)
     options = _parse(arguments)
-    from .measurement import measure  # takes a second, as rclpy comes with it
+    try:
+        from svdm_core.benchmark.limits import check_memory  # they take a second, as numpy and rclpy come with them
+
+        from .measurement import measure
+    except ImportError as error:
+        print(f'node_benchmark: {missing_line(error)}', file=sys.stderr)
+        return 2
 
     def check() -> None:
         if signals.received:

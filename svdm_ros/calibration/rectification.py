@@ -9,6 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.shown import cut, shown
+
+from .stereo_calibration import is_rotation
+
 if TYPE_CHECKING:
     from sensor_msgs.msg import CameraInfo
 
@@ -20,12 +24,9 @@ _COEFFICIENTS = {'plumb_bob': (0, 4, 5), 'rational_polynomial': (8, 12, 14), 'eq
 _LARGEST = 1e12
 _LARGEST_SIDE = 2**15 - 2
 """px; the maps hold coordinates in 16 bits, and one pixel more on either side."""
-_ROTATION_ERROR = 1e-3
-"""Largest error of an entry of R times its transpose: calibration files are rounded."""
 _IDENTITY_ERROR = 1e-6
 _OFF_PATTERN = 1e-6
 """Largest skew of K and P, in focal lengths."""
-_SHOWN = 200
 _RECTIFIED_NAME = re.compile('(?<!un)(?<!di)rect', re.IGNORECASE)
 """In a part of a topic's name: image_rect, rectified; neither unrectified nor direct."""
 
@@ -116,13 +117,13 @@ def unrectified_line(info: CameraInfo, topic: str) -> str:
     r = _floats(info.r)
     found = []
     if len(info.d) and np.any(np.asarray(info.d) != 0):
-        found.append(f'D is [{_cut(", ".join(f"{value:g}" for value in info.d[:_COEFFICIENTS_SHOWN]))}]')
+        found.append(f'D is [{cut(", ".join(f"{value:g}" for value in info.d[:_COEFFICIENTS_SHOWN]))}]')
     if any(r) and not np.allclose(r, np.eye(3).ravel(), rtol=0, atol=_IDENTITY_ERROR):
         found.append('R is not the identity')
     if not found or _RECTIFIED_NAME.search(topic):
         return ''
-    return (f'{topic} looks raw, its camera_info has something to rectify: {" and ".join(found)}; rectified images '
-            'are expected: set `input: raw`, or remap to image_rect')
+    return (f'{cut(topic)} looks raw, its camera_info has something to rectify: {" and ".join(found)}; rectified '
+            'images are expected: set `input: raw`, or remap to image_rect')
 
 
 def _calibration(info: CameraInfo, width: int, height: int) -> _Calibration:
@@ -190,7 +191,7 @@ def _check_projection(name: str, matrix: Matrix) -> None:
 def _check_model(calibration: _Calibration) -> None:
     allowed = _COEFFICIENTS.get(calibration.model)
     if allowed is None:
-        raise ValueError(f'camera_info has distortion_model {_cut(calibration.model)!r}, it must be '
+        raise ValueError(f'camera_info has distortion_model {shown(calibration.model)}, it must be '
                          f'{", ".join(_COEFFICIENTS)}: rectify with the tool it was calibrated with, or calibrate anew')
     if len(calibration.d) not in allowed:
         raise ValueError(f'camera_info has {len(calibration.d)} numbers in D, {calibration.model} has '
@@ -198,15 +199,10 @@ def _check_model(calibration: _Calibration) -> None:
 
 
 def _check_rotation(r: Matrix) -> None:
-    error = float(np.abs(r @ r.T - np.eye(3)).max())
-    if error > _ROTATION_ERROR or np.linalg.det(r) < 0:
-        shown = ', '.join(f'{value:g}' for value in r.ravel())
-        raise ValueError(f'camera_info has R = [{shown}], it must be a rotation matrix: calibrate anew, or set R to '
+    if not is_rotation(r):
+        values = ', '.join(f'{value:g}' for value in r.ravel())
+        raise ValueError(f'camera_info has R = [{values}], it must be a rotation matrix: calibrate anew, or set R to '
                          'the identity for a camera that is not turned')
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= _SHOWN else f'{text[:_SHOWN]}... ({len(text)} characters)'
 
 
 # The maps

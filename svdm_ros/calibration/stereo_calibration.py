@@ -12,6 +12,14 @@ Matrix = NDArray[np.float64]
 Size = tuple[int, int]
 SideName = Literal['left', 'right']
 
+LARGEST_NUMBER = 1e12
+"""Of all in a calibration; beyond, products of matrices overflow."""
+LARGEST_SIDE = 2**16
+"""px"""
+_SMALLEST_FOCAL_LENGTH = 1e-6
+"""px"""
+_ROTATION_ERROR = 1e-3
+"""Largest error of an entry of R times its transpose: calibration files are rounded."""
 _SMALLEST_BASELINE = 1e-6
 """m; below it there is nothing to triangulate with."""
 _LARGEST_SKEW = 1e-3
@@ -23,8 +31,9 @@ class CameraCalibration:
     """What `sensor_msgs/CameraInfo` tells of one camera.
 
     size: width and height (px) of the images it was made for; None where the file does not say.
-    k: intrinsics (3, 3), px; d: distortion in OpenCV's order (5,) or (8,); r: rotation into the rectified camera
-    (3, 3); p: projection of the rectified camera (3, 4), px, with P[0, 3] = -f times baseline (m) on the right.
+    k: intrinsics (3, 3), px; d: distortion in OpenCV's order (5,), (8,), (12,) or (14,); r: rotation into the
+    rectified camera (3, 3); p: projection of the rectified camera (3, 4), px, with P[0, 3] = -f times baseline (m) on
+    the right.
     """
 
     size: Size | None
@@ -43,6 +52,11 @@ class CameraCalibration:
                              f'{size[0]}x{size[1]}, which is no scaled copy of it: give the calibration of them')
         zoom = np.diag([scale, scale, 1.0])
         return dataclasses.replace(self, size=size, k=zoom @ self.k, p=zoom @ self.p)
+
+
+def is_rotation(r: Matrix) -> bool:
+    """Whether (3, 3) is a rotation matrix, rounded as in a file."""
+    return bool(np.abs(r @ r.T - np.eye(3)).max() <= _ROTATION_ERROR and np.linalg.det(r) > 0)
 
 
 def rectified_camera(size: Size | None, p: Matrix) -> CameraCalibration:
@@ -66,7 +80,7 @@ class StereoCalibration:
         for side, camera in (('left', self.left), ('right', self.right)):
             if not all(np.isfinite(matrix).all() for matrix in (camera.k, camera.d, camera.r, camera.p)):
                 raise ValueError(f'the {side} camera has NaN or infinity in its matrices: calibrate anew')
-            if camera.p[0, 0] <= 0:
+            if camera.p[0, 0] < _SMALLEST_FOCAL_LENGTH:
                 raise ValueError(f'the {side} camera has a focal length of {camera.p[0, 0]:g} px, it must be positive')
         if self.baseline < _SMALLEST_BASELINE:
             raise ValueError(f'the baseline is {self.baseline:g} m, it must be positive: left and right look swapped, '

@@ -7,6 +7,9 @@ import sys
 from collections.abc import Callable, Iterator
 from types import FrameType
 
+from svdm_core.missing_modules import missing_line
+from svdm_core.shown import cut, line
+
 REFUSED, INTERRUPTED = 2, 130
 
 
@@ -16,10 +19,10 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn('{task.description}', markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(cut(what), total=total)
         yield lambda: bar.advance(task)
 
 
@@ -29,11 +32,11 @@ def ending(command: str, run: Callable[[], int]) -> int:
     try:
         return run()
     except OSError as error:
-        print(f'{command}: {error.filename or "output"}: {error.strerror or error}', file=sys.stderr)
+        print(f'{command}: {line(f"{error.filename or 'output'}: {error.strerror or error}")}', file=sys.stderr)
     except ValueError as error:
-        print(f'{command}: {error}', file=sys.stderr)
+        print(f'{command}: {line(error)}', file=sys.stderr)
     except ImportError as error:
-        print(f'{command}: {error}: install svdm_ros with the extra bags, or rosbags and rich', file=sys.stderr)
+        print(f'{command}: {missing_line(error)}', file=sys.stderr)
     except KeyboardInterrupt:
         print(f'{command}: interrupted, nothing was written', file=sys.stderr)
         return INTERRUPTED

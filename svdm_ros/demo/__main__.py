@@ -9,13 +9,12 @@ from pathlib import Path
 from types import FrameType
 
 from svdm_core.commands.argument_types import count, positive
+from svdm_core.missing_modules import not_installed
 from svdm_core.runtime import configure
 
 from ..processes.children import RunError
 
-NEEDED = {
-    'rclpy': 'ROS 2', 'stereo_msgs': 'ROS 2', 'skimage': 'scikit-image', 'matplotlib': 'matplotlib', 'rich': 'rich'
-}
+NEEDED = ('rclpy', 'stereo_msgs', 'skimage', 'matplotlib', 'rich')
 INTERRUPTED = 130  # as a shell reports Ctrl-C
 
 
@@ -47,10 +46,9 @@ def _parse() -> argparse.Namespace:
 
 
 def _check_installed() -> None:
-    missing = sorted({name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None})
+    missing = [module for module in NEEDED if importlib.util.find_spec(module) is None]
     if missing:
-        names = ' and '.join(missing)
-        raise RunError(f'{names} not found: run `make demo`, or source ROS 2 Jazzy and install the rest with pip')
+        raise RunError(f'{not_installed(missing)}; or run `make demo`, which needs none of them')
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

@@ -7,7 +7,9 @@ from pathlib import Path
 from ..processes.children import RunError
 
 MARKER = '.written_by_svdm_demo'
-WRITTEN = ('summary.json', 'comparison.png', 'depth.png', 'node.log', 'publisher.log', 'fastdds.xml', 'ros_log')
+WRITTEN = (
+    'summary.json', 'comparison.png', 'depth.png', 'node.log', 'publisher.log', 'warm_up.log', 'fastdds.xml', 'ros_log'
+)
 
 
 def prepare_output_folder(folder: Path) -> Path:

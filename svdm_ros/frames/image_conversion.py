@@ -9,6 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.shown import shown
+
 if TYPE_CHECKING:
     from sensor_msgs.msg import Image
 
@@ -65,7 +67,6 @@ _LAYOUTS = {  # named as in image_encodings.hpp of sensor_msgs
 ENCODINGS = tuple(_LAYOUTS)
 """The encodings that `image_to_array` takes."""
 _SMALLEST_MOSAIC = 3
-_SHOWN = 200
 
 
 def image_to_array(message: Image) -> NDArray[np.uint8] | NDArray[np.uint16]:
@@ -79,7 +80,7 @@ def image_to_array(message: Image) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """
     layout = _LAYOUTS.get(message.encoding)
     if layout is None:
-        raise ValueError(f'encoding {message.encoding[:_SHOWN]!r} is not supported: use one of {", ".join(ENCODINGS)}')
+        raise ValueError(f'encoding {shown(message.encoding)} is not supported: use one of {", ".join(ENCODINGS)}')
     stored = _channels(_bytes(message, layout), layout, big_endian=bool(message.is_bigendian))
     if layout.is_float:
         return _sixteen_bits_of(stored)

@@ -1,7 +1,6 @@
 """The node's parameters as dynamic ROS parameters."""
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Collection, Iterable, Iterator
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -10,12 +9,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from svdm_core import ParameterInfo
+from svdm_core.shown import nearest, shown
 
 from .parameter_set import NodeParameters, Value, checked_value, node_parameter_table
 
 _NAMES = tuple(info.name for info in node_parameter_table())
 _ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 """Names that rclpy declares itself."""
+_SHOWN = 100
+"""Characters of a name."""
 
 
 _ELSEWHERE = {
@@ -79,7 +81,7 @@ class DeclaredParameters:
         if change.name.startswith('qos_overrides.'):
             raise _RefusedError(f'{change.name} is read at the start only: start the node anew with it')
         if not self._node.has_parameter(change.name):
-            raise _RefusedError(f'unknown parameter {change.name}: {_hint(change.name)}')
+            raise _RefusedError(f'unknown parameter {shown(change.name, _SHOWN)}: {_hint(change.name)}')
         return change
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
@@ -105,14 +107,14 @@ class _RefusedError(ParameterNotDeclaredException):
 
 def unknown_parameter_line(name: str, others: Collection[str] = ()) -> str:
     """What to say of a start-up parameter that nobody declares; `others` are names it may be meant for."""
-    return f'unknown parameter {name!r} is ignored: {_hint(name, others)}'
+    return f'unknown parameter {shown(name, _SHOWN)} is ignored: {_hint(name, others)}'
 
 
 def _hint(name: str, others: Collection[str] = ()) -> str:
     if name in _ELSEWHERE:
         return f'that of stereo_image_proc is {_ELSEWHERE[name]} here, in a unit of its own (ros2 param describe)'
-    near = difflib.get_close_matches(name, [*_NAMES, *_ROS_PARAMETERS, *others], n=1)
-    return f'did you mean {near[0]}?' if near else 'ros2 param list tells the names'
+    near = nearest(name, [*_NAMES, *_ROS_PARAMETERS, *others])
+    return f'did you mean {near}?' if near else 'ros2 param list tells the names'
 
 
 def _known(changes: Iterable[Parameter]) -> dict[str, Value]:

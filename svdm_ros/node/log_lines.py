@@ -9,6 +9,9 @@ import time
 from collections.abc import Iterator
 from typing import Protocol
 
+from svdm_core.shown import line as one_line
+
+_MOST_LINES = 100
 _TROUBLE_LASTS = 3.0
 """Seconds for which diagnostics tell of a trouble after it was last met."""
 
@@ -19,6 +22,10 @@ class Line:
 
     kind: str
     text: str
+
+    def __post_init__(self) -> None:
+        # A traceback has several.
+        object.__setattr__(self, 'text', '\n'.join(map(one_line, self.text.split('\n')[:_MOST_LINES])))
 
 
 class Throttle:

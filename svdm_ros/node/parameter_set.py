@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from svdm_core import MatcherParameters, ParameterInfo, parameter_table
+from svdm_core.shown import shown
 
 Value = bool | int | float | str
+_LONGEST_LIST = 16
 
 _OWN_TABLE = (
     ParameterInfo(
@@ -148,7 +150,8 @@ class NodeParameters:
 
 def checked_value(info: ParameterInfo, value: Any) -> Value:
     """As `info.check`; a text that has to have a form may also be given as a list of integers."""
-    if info.form and isinstance(value, Sequence) and all(isinstance(part, int) for part in value):
+    is_short = isinstance(value, Sequence) and len(value) <= _LONGEST_LIST
+    if info.form and is_short and all(isinstance(part, int) for part in value):
         value = ', '.join(map(str, value))
     return info.check(value)
 
@@ -160,10 +163,10 @@ def _region(roi: str) -> Region | None:
         return None
     numbers = text.replace(',', ' ').split()
     if len(numbers) != 4 or not all(number.isascii() and number.isdigit() and len(number) < 7 for number in numbers):
-        raise ValueError(f'roi = {roi[:100]!r} is not allowed: it must be {_form("roi")}')
+        raise ValueError(f'roi = {shown(roi, 100)} is not allowed: it must be {_form("roi")}')
     region = Region(*map(int, numbers))
     if not region.width or not region.height:
-        raise ValueError(f'roi = {roi!r} is not allowed: its width and height must be 1 or more')
+        raise ValueError(f'roi = {shown(roi, 100)} is not allowed: its width and height must be 1 or more')
     return region
 
 

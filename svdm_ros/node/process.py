@@ -12,13 +12,15 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
+from svdm_core.files.user_files import RefusedFileError
 from svdm_core.memory import is_out_of_memory
 from svdm_core.runtime import configure
+from svdm_core.shown import line
 
 from ..processes.dds_profile import image_profile
 from .disparity_node import DisparityNode
 from .end_signals import EndSignals
-from .usage import answer
+from .usage import answer, check_parameter_files
 
 _WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
@@ -33,12 +35,13 @@ _BAD_REQUEST = (ValueError, TypeError, AssertionError)
 def run(signals: EndSignals, arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code: 0 after SIGINT, SIGTERM or --help, 2 for a setting that is wrong."""
     try:
+        check_parameter_files(sys.argv if arguments is None else arguments)  # rcl opens them with the first call
         answered = answer(remove_ros_args(arguments)[1:])
         if answered is not None:
             return answered
         configure()
         rclpy.init(args=arguments)
-    except RuntimeError as error:
+    except (RuntimeError, RefusedFileError) as error:
         return _refuse_to_start(error)
     signals.end_in_order()
     return _run_node(signals)
@@ -98,7 +101,7 @@ def _report(node: DisparityNode, error: Exception) -> None:
     elif _is_ours(error):
         node.report_defect('callback cut short', error)
     elif isinstance(error, _BAD_REQUEST):
-        node.get_logger().error(f'a request was dropped: {error}')
+        node.get_logger().error(f'a request was dropped: {line(error)}')
     elif isinstance(error, RuntimeError):  # its text does not tell that an image did not fit into the memory
         node.report_untaken(error)
     else:
@@ -112,5 +115,5 @@ def _is_ours(error: Exception) -> bool:
 
 
 def _refuse_to_start(error: Exception) -> int:
-    get_logger('disparity_node').fatal(f'not started: {error}')
+    get_logger('disparity_node').fatal(f'not started: {line(error)}')
     return 2

@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from ..command_line.user_files import shown
+from svdm_core.shown import shown
 
 Entity = Literal['publisher', 'subscription']
 

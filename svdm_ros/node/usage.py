@@ -1,8 +1,13 @@
 """What the node answers on its command line without being started: its usage, and what it does not know."""
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Sequence
+from pathlib import Path
+
+from svdm_core.files.user_files import SETTINGS, check_regular
+from svdm_core.shown import shown
 
 _USAGE = '''usage: disparity_node [--help] [--ros-args [-r FROM:=TO] [-p NAME:=VALUE] [--params-file FILE] ...]
 
@@ -32,6 +37,13 @@ def usage() -> str:
     return _USAGE.format(outputs='out:  ' + '\n      '.join(rows))
 
 
+def check_parameter_files(arguments: Sequence[str]) -> None:
+    """Raise RefusedFileError where a --params-file is none that can be read to its end: rcl would wait for ever."""
+    for flag, name in itertools.pairwise(arguments):
+        if flag == '--params-file' and Path(name).exists():  # what is missing, rcl says itself
+            check_regular(Path(name), SETTINGS)
+
+
 def answer(arguments: Sequence[str]) -> int | None:
     """The exit code where `arguments` (those that are not for ROS) are answered by a text; None: start the node."""
     if not arguments:
@@ -39,6 +51,6 @@ def answer(arguments: Sequence[str]) -> int | None:
     if any(argument in ('-h', '--help') for argument in arguments):
         print(usage(), end='')
         return 0
-    print(f'disparity_node: unknown argument {arguments[0]!r}: topics and parameters are set behind --ros-args, as in '
-          '--ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)
+    print(f'disparity_node: unknown argument {shown(arguments[0])}: topics and parameters are set behind '
+          '--ros-args, as in --ros-args -p num_disparities:=96 (--help tells more)', file=sys.stderr)
     return 2

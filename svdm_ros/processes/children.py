@@ -58,6 +58,13 @@ class Child:
         """Send a signal."""
         self._process.send_signal(number)
 
+    def is_done(self) -> bool:
+        """Whether it has ended as it should. RunError where it has ended otherwise."""
+        if self._process.poll() != 0:
+            self.check()
+            return False
+        return True
+
     def output(self) -> str:
         """All it has said so far."""
         return self.log.read_text(errors='replace')

@@ -77,7 +77,7 @@ def test_a_preset_says_when_to_take_it_and_sets_what_differs_from_the_defaults(n
     ('alpha: 1.0\n', 'not a ROS parameter file'),
     ('/**:\n  ros__parameters: 3\n', 'not a ROS parameter file'),
     ('', 'not a ROS parameter file'),
-    ('a: [1\n', 'not YAML'),
+    ('a: [1\n', 'no YAML'),
     ('/**:\n  ros__parameters:\n    1: 2\n', 'the parameter name 1 is not allowed: it must be a string'),
     ('/**:\n  ros__parameters:\n    alpha: 2.0\n    on: 2\n', 'the parameter name True is not allowed'),
 ])

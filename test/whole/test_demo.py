@@ -1,7 +1,6 @@
 """The demo: its pure parts, and the real thing with few frames."""
 import dataclasses
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import matplotlib.image
 import numpy as np
+import psutil
 import pytest
 from checkout import CHECKOUT
 
@@ -171,6 +171,9 @@ def test_dead_child_is_told_with_its_last_words(tmp_path):
         while time.monotonic() < end:
             child.check()
             time.sleep(0.05)
+    with pytest.raises(RunError, match=r'the node ended with exit code 1'):
+        child.is_done()
+
 
 
 # The real thing
@@ -215,6 +218,14 @@ def test_demo_end_to_end(tmp_path):
     assert 'ready: ' in log and '[WARN]' not in log and '[ERROR]' not in log
 
 
+def _runs(pid):
+    """Whether it does; what has ended may wait for somebody to take note of it."""
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 def test_demo_interrupted_leaves_no_process(tmp_path):
     demo = subprocess.Popen(_demo('--output', str(tmp_path / 'out')), cwd=CHECKOUT,
                             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
@@ -229,7 +240,7 @@ def test_demo_interrupted_leaves_no_process(tmp_path):
         demo.kill()
     assert demo.returncode == 130
     assert errors.splitlines()[-1] == 'demo: interrupted, all processes ended'
-    assert not any(os.path.exists(f'/proc/{child}') for child in children)
+    assert not any(map(_runs, children))
 
 
 def test_demo_refuses_a_foreign_folder_in_one_line(tmp_path):

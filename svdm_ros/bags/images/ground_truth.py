@@ -8,10 +8,10 @@ import numpy as np
 
 from svdm_core.evaluation.kitti import read_kitti_truth
 from svdm_core.files.pfm import read_pfm
+from svdm_core.files.user_files import IMAGE, check_regular
 from svdm_core.kernels.arrays import Float32
 
 from ...calibration.stereo_calibration import Size
-from ...command_line.user_files import IMAGE, check_regular
 from .image_files import FilePair
 
 

@@ -9,6 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from svdm_core.shown import line
+
 from ...calibration.calibration_files import COLOUR_FOLDERS, read_calibration
 from ...calibration.stereo_calibration import Rectifier, SideName, Size, StereoCalibration
 from ...command_line.command import progress
@@ -51,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
                 advance()
     print(_summary(options.output, len(found.pairs), reader, found.stamps_from, len(truths)))
     for path in found.unpaired:
-        print(f'images_to_bag: left out: {path} has no partner of its name on the other side', file=sys.stderr)
+        print(f'images_to_bag: left out: {line(path)} has no partner of its name on the other side', file=sys.stderr)
     return 1 if found.unpaired else 0
 
 

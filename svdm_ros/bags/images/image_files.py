@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from svdm_core.files.images import read_image
-
-from ...command_line.user_files import IMAGE, TIMES, check_regular, cut, read_text, shown
+from svdm_core.files.user_files import IMAGE, TIMES, check_regular, read_text
+from svdm_core.shown import cut, shown
 
 SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm')
 TIMES_FILES = ('times.txt', 'timestamps.txt')

@@ -20,8 +20,10 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 
+from svdm_core.shown import cut, line
+
 from ...processes.dds_profile import image_profile
-from ..reading.recording import RecordedMessage, Recording, RecordingError, Topic, open_recording
+from ..reading.recording import RecordedMessage, Recording, RecordingError, Topic, open_recording, start_option
 from .publishers import create_publishers
 from .timing import Lateness, Schedule
 
@@ -29,6 +31,8 @@ CLOCK = '/clock'
 _SETTLED = 1.0
 """s without a further subscriber, after which all that listen are taken to be there."""
 _POLL = 0.02
+_LONG_WAIT = 10.0
+"""s without a message, from which on it is told."""
 _LINGER = 0.2
 """s; for the last messages to be taken, best effort ones too."""
 _ACKNOWLEDGED = 4.0
@@ -39,12 +43,14 @@ def play(options: argparse.Namespace, ros_arguments: list[str]) -> int:
     """Play, and say what was played; the exit code as `play_bag.main` has it."""
     try:
         with open_recording(options.bag) as recording:
+            for note in (*recording.missing, *recording.notes):
+                print(f'play_bag: {note}', file=sys.stderr)
             part = _part(recording, options.start, options.duration)
             topics = chosen_topics(recording.topics, options.topics, with_clock=options.clock is None)
             with _node(ros_arguments) as node:
                 return _play(recording, part, topics, node, options)
     except (ValueError, RuntimeError) as error:  # rclpy's, of remappings, are one or the other
-        print(f'play_bag: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'play_bag: {line(error)}', file=sys.stderr)
         return 2
 
 
@@ -54,26 +60,27 @@ def _play(
 ) -> int:
     publishers, left_out = create_publishers(node, topics, recording.typestore)
     for reason in left_out:
-        print(f'play_bag: left out: {reason}', file=sys.stderr)
+        print(f'play_bag: left out: {line(reason)}', file=sys.stderr)
     if not publishers:
         raise ValueError(f'{recording.path}: nothing of it can be played')
     clock = ClockPublisher(node, options.clock) if options.clock else None
     stop = _stop_on_signals()
-    player = Player(publishers, clock, options.rate, stop)
+    player = Player(publishers, clock, options.rate, stop, recording.start_ns)
     if options.wait_for_subscribers:
         _wait_for_subscribers(publishers, stop)
-    code = 0
+    code = 1 if recording.missing else 0
     try:
         for _ in itertools.count() if options.loop == 0 else range(options.loop):
             player.play_pass(recording.messages(set(publishers), *part))
             if stop.is_set():
                 break
             if not player.lateness.count:
-                raise ValueError(f'{recording.path}: no message of these topics in this part of it')
+                raise ValueError(f'{recording.path}: no message of these topics in this part of it'
+                                 f'{recording.where(set(publishers))}')
     except RecordingError as error:
         if not player.lateness.count:
             raise
-        print(f'play_bag: {error}', file=sys.stderr)
+        print(f'play_bag: {line(error)}', file=sys.stderr)
         code = 1
     if not stop.is_set():
         _let_arrive(publishers.values())
@@ -90,12 +97,17 @@ def _stop_on_signals() -> threading.Event:
 
 
 class Player:
-    """Publishes messages when they are due, with the clock of the recording beside them, until `stop` is set."""
+    """Publishes messages when they are due, with the clock of the recording beside them, until `stop` is set.
+
+    begin_ns: recording time of its first message, from which --start counts.
+    """
 
     def __init__(
-        self, publishers: Mapping[str, Publisher], clock: ClockPublisher | None, rate: float, stop: threading.Event
+        self, publishers: Mapping[str, Publisher], clock: ClockPublisher | None, rate: float, stop: threading.Event,
+        begin_ns: int,
     ) -> None:
         self.lateness = Lateness()
+        self._begin = begin_ns
         self._publishers, self._clock, self._rate, self._stop = publishers, clock, rate, stop
         self._schedule: Schedule | None = None
         self._passes = 0
@@ -108,12 +120,21 @@ class Player:
             if self._schedule is None:
                 self._schedule = Schedule(message.time_ns, time.monotonic_ns(), self._rate)
             due = self._schedule.due(message.topic, message.time_ns)
+            self._announce(due, message)
             self._wait_until(due, self._schedule)
             if self._stop.is_set():
                 return
             self.lateness.note(time.monotonic_ns() - due)
             self._publishers[message.topic].publish(message.data)
         self._passes += 1
+
+    def _announce(self, due: int, message: RecordedMessage) -> None:
+        """Tell of a wait that would be taken for a standstill: a clock that was wrong at first, or a pause."""
+        wait = (due - time.monotonic_ns()) / 1e9
+        if wait >= _LONG_WAIT:
+            into = message.time_ns - self._begin
+            print(f'nothing for {wait:.0f} s: the next message, on {message.topic}, was recorded {into / 1e9:.3f} s '
+                  f'after the first; --start {start_option(into)} begins with it', flush=True)
 
     def _wait_until(self, due: int, schedule: Schedule) -> None:
         """Until the monotonic time `due` (ns), with the clock ticking meanwhile."""
@@ -158,7 +179,7 @@ def chosen_topics(topics: Mapping[str, Topic], wanted: Sequence[str], with_clock
     names = {name.removeprefix('/'): name for name in topics}
     for name in wanted:
         if name.removeprefix('/') not in names:
-            raise ValueError(f'there is no topic {name}; there are {", ".join(topics)}')
+            raise ValueError(f'there is no topic {cut(name)}; there are {", ".join(map(cut, topics))}')
     chosen = [names[name.removeprefix('/')] for name in wanted] or list(topics)
     return [topics[name] for name in dict.fromkeys(chosen) if with_clock or name != CLOCK]
 

@@ -12,6 +12,8 @@ from rosbags.interfaces import Qos, QosDurability, QosReliability
 from rosbags.typesys import TypesysError
 from rosbags.typesys.store import Typestore
 
+from svdm_core.shown import cut
+
 from ..reading.recording import Topic
 
 _SMALLEST_DEPTH = 10
@@ -43,8 +45,8 @@ def _publisher(node: Node, topic: Topic, types: Typestore) -> Publisher:
     publisher = node.create_publisher(message_class, topic.name, played_qos(topic))
     if not _is_same_type(node, publisher, topic, types):
         node.destroy_publisher(publisher)
-        raise NotPlayable(f'{topic.name}: its {topic.message_type} was recorded with other fields than the one '
-                          'installed has')
+        raise NotPlayable(f'{cut(topic.name)}: its {cut(topic.message_type)} was recorded with other fields than '
+                          'the one installed has')
     return publisher
 
 
@@ -53,7 +55,7 @@ def _installed(topic: Topic) -> Any:
     try:
         return getattr(importlib.import_module(f'{package}.msg'), name)
     except (ImportError, AttributeError):
-        raise NotPlayable(f'{topic.name}: {topic.message_type} is not installed') from None
+        raise NotPlayable(f'{cut(topic.name)}: {cut(topic.message_type)} is not installed') from None
 
 
 def _is_same_type(node: Node, publisher: Publisher, topic: Topic, types: Typestore) -> bool:

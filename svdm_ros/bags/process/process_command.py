@@ -4,7 +4,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import difflib
 import glob
 import sys
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -17,9 +16,9 @@ from rich.text import Text
 
 from svdm_core.presets import preset_values
 from svdm_core.runtime import configure
+from svdm_core.shown import cut, line, nearest, shown
 
 from ...calibration.calibration_files import read_calibration
-from ...command_line.user_files import SETTINGS, read_yaml
 from ...frames.outputs import output_names
 from ...node.parameter_set import NodeParameters, Value, node_parameter_table
 from ..writing.output_place import check_apart
@@ -56,7 +55,7 @@ def _outputs(options: argparse.Namespace, parameters: NodeParameters) -> tuple[s
     names, allowed = [name.strip() for name in options.outputs.split(',')], output_names(parameters)
     for name in names:
         if name not in allowed:
-            raise ValueError(f'--outputs: {name[:100]!r} is not allowed: it must be of {", ".join(allowed)}, '
+            raise ValueError(f'--outputs: {shown(name, 100)} is not allowed: it must be of {", ".join(allowed)}, '
                              'separated by commas')
     if options.preview and 'disparity' not in names:
         raise ValueError(f'--preview {options.preview} is drawn from the output disparity: add it to --outputs')
@@ -66,9 +65,9 @@ def _outputs(options: argparse.Namespace, parameters: NodeParameters) -> tuple[s
 def _run_one(job: Job) -> int:
     with progress() as bars:
         summary = process(job, bars.teller(job.input.name))
-    print('\n'.join(summary.lines()))
+    print('\n'.join(map(line, summary.lines())))
     if summary.problem:
-        print(f'process_bag: {summary.problem}', file=sys.stderr)
+        print(f'process_bag: {line(summary.problem)}', file=sys.stderr)
     return summary.exit_code
 
 
@@ -77,18 +76,18 @@ def _run_many(jobs: Sequence[Job], options: argparse.Namespace) -> int:
     for job in jobs:
         if job not in waiting:
             remove_marks(job.output)
-            print(f'{job.output}: is there already, skipped')
+            print(line(f'{job.output}: is there already, skipped'))
     if not waiting:
         return 0
     options.output.mkdir(exist_ok=True)
     outcomes = []
     with progress() as bars, contextlib.closing(_outcomes(waiting, options, bars.teller)) as found:
         for outcome in found:
-            bars.print('\n'.join(outcome.lines))
+            bars.print('\n'.join(map(line, outcome.lines)))
             outcomes.append(outcome)
     for outcome in outcomes:
         if outcome.problem:
-            print(f'process_bag: {outcome.problem}', file=sys.stderr)
+            print(f'process_bag: {line(outcome.problem)}', file=sys.stderr)
     if len(waiting) == len(jobs) and not any(outcome.lines for outcome in outcomes):
         return 2
     return 1 if any(outcome.exit_code for outcome in outcomes) else 0
@@ -144,7 +143,7 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
     """Of a preset or parameter file of the node, and --set. ValueError names parameter, value and what is allowed."""
     table = {info.name: info for info in node_parameter_table()}
     values: dict[str, Value] = {}
-    for name, value in _values(source).items():
+    for name, value in preset_values(source).items():
         if name.partition('.')[0] in _NODE_ONLY:
             continue
         _check_known(name, table)
@@ -152,28 +151,17 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
     for change in changes:
         name, equals, text = change.partition('=')
         if not equals:
-            raise ValueError(f'--set {change} is not allowed: write it as name=value')
+            raise ValueError(f'--set {cut(change)} is not allowed: write it as name=value')
         _check_known(name, table)
         values[name] = table[name].parse(text)
-    parameters = NodeParameters().replace(values)
-    if parameters.layout != 'separate':
-        raise ValueError(f'layout = {parameters.layout!r} is not allowed here: recordings are processed from two image '
-                         'topics, so it must be separate')
-    return parameters
-
-
-def _values(source: str | Path) -> dict[str, Any]:
-    """Of a preset, or of a file, which is looked at before it is read as one."""
-    if Path(source).suffix in ('.yaml', '.yml') and Path(source).exists():
-        read_yaml(Path(source), SETTINGS)
-    return preset_values(source)
+    return NodeParameters().replace(values)
 
 
 def _check_known(name: str, table: Mapping[str, Any]) -> None:
     if name not in table:
-        near = difflib.get_close_matches(name, table, n=1)
-        raise ValueError(f'unknown parameter {name[:100]!r}: ' + (
-            f'did you mean {near[0]}?' if near else f'known are {", ".join(table)}'))
+        near = nearest(name, table)
+        raise ValueError(f'unknown parameter {shown(name, 100)}: ' + (
+            f'did you mean {near}?' if near else f'known are {", ".join(table)}'))
 
 
 class _RateColumn(ProgressColumn):
@@ -192,7 +180,7 @@ class Bars:
 
     def teller(self, name: str) -> Callable[[int, int], None]:
         """What is told of the pairs done and of all there are."""
-        task = self._bars.add_task(name, total=None)
+        task = self._bars.add_task(cut(name), total=None)
         return lambda done, total: self._bars.update(task, completed=done, total=max(done, total))
 
     def print(self, text: str) -> None:
@@ -204,7 +192,7 @@ class Bars:
 @contextlib.contextmanager
 def progress() -> Iterator[Bars]:
     """Bars with rate and time left, on a terminal."""
-    columns = (TextColumn('{task.description}'), BarColumn(), MofNCompleteColumn(), _RateColumn(),
+    columns = (TextColumn('{task.description}', markup=False), BarColumn(), MofNCompleteColumn(), _RateColumn(),
                TimeRemainingColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:

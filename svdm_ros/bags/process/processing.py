@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from svdm_core.shown import cut
+
 from ...calibration.rectification import unrectified_line
 from ...calibration.stereo_calibration import StereoCalibration
 from ...command_line.interrupts import deferred_interrupts
@@ -17,7 +19,8 @@ from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
 from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
-from ..reading.stereo_topics import StereoTopics, find_stereo_topics
+from ..reading.sqlite_file import log_of
+from ..reading.stereo_topics import StereoTopics, find_side_by_side, find_stereo_topics, ground_truth_lines
 from ..writing.output_place import SUMMARY_FILE, PlaceTakenError, check_apart, check_place
 from ..writing.partial_bag import PartialBag, open_partial
 from ..writing.partial_folder import partial_path, remove_marks
@@ -29,6 +32,8 @@ from .threads import WriteBehind, read_ahead
 
 _AHEAD = 8
 """Messages that are read ahead, and results that wait to be written."""
+_NOTES_TOLD = 3
+"""In the line on a recording without a pair, of what is left out of it."""
 
 Tell = Callable[[int, int], None]
 """Told of the pairs dealt with and, as far as it is known beforehand, of how many there are."""
@@ -134,7 +139,7 @@ class _Run:
             summary = dataclasses.replace(summary, progress=self._progress)
         if not self._progress.disparities:
             self._bag.discard()
-            raise NoPairsError(problem or _nothing(self._job, summary))
+            raise NoPairsError(problem or _nothing(self._job, summary, self._stream.recording))
         return summary
 
     def _add_files(self, folder: Path, start: float) -> None:
@@ -210,14 +215,24 @@ class _Run:
         return Summary(
             str(self._job.input), str(self._job.output), self._topics.left, self._topics.right,
             _as_dict(self._job.parameters), self._stream.counts, self._progress, self._matched,
-            time.perf_counter() - start, self._matcher_ms / max(self._matched, 1))
+            time.perf_counter() - start, self._matcher_ms / max(self._matched, 1),
+            notes=(*self._stream.recording.notes, *ground_truth_lines(self._stream.recording.topics)),
+            missing=self._stream.recording.missing)
 
 
 def _topics(job: Job, recording: Recording) -> StereoTopics:
+    raw = job.parameters.input == 'raw'
     try:
-        topics = find_stereo_topics(recording.topics, job.left, job.right, job.parameters.input == 'raw')
+        if job.parameters.layout == 'side_by_side':
+            if job.right not in (None, job.left):
+                raise RecordingError(f'--right {job.right} is not allowed with layout = side_by_side: name the one '
+                                     'topic that holds both views with --left')
+            topics = find_side_by_side(recording.topics, job.left, raw)
+        else:
+            topics = find_stereo_topics(recording.topics, job.left, job.right, raw)
     except RecordingError as error:
-        raise RecordingError(f'{job.input}: {error}') from None
+        notes = [cut(note.removeprefix(f'{job.input}: ')) for note in (*recording.missing, *recording.notes)]
+        raise RecordingError('; '.join([f'{job.input}: {error}', *notes[:_NOTES_TOLD]])) from None
     return dataclasses.replace(topics, left_info=None, right_info=None) if job.calibration else topics
 
 
@@ -230,7 +245,9 @@ def _expected(recording: Recording, topics: StereoTopics, start_ns: int, stop_ns
 
 def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
     """What the output depends on: only a run with the same may go on with a partial bag."""
-    files = [job.input] if job.input.is_file() else sorted(path for path in job.input.iterdir() if path.is_file())
+    log = log_of(job.input)
+    files = [job.input, *([log] if log.exists() else [])] if job.input.is_file() else sorted(
+        path for path in job.input.iterdir() if path.is_file())
     # The number of threads changes no message.
     parameters = {name: value for name, value in _as_dict(job.parameters).items() if name != 'num_threads'}
     return {
@@ -256,7 +273,7 @@ def _as_dict(parameters: NodeParameters) -> dict[str, Any]:
     return {**own.pop('matcher'), **own}
 
 
-def _nothing(job: Job, summary: Summary) -> str:
+def _nothing(job: Job, summary: Summary, recording: Recording) -> str:
     counts = summary.pairing
     if summary.progress.dropped:
         reason, count = summary.progress.dropped.most_common(1)[0]
@@ -265,5 +282,6 @@ def _nothing(job: Job, summary: Summary) -> str:
     gap = '' if counts.closest_gap_ns is None else (
         f', the closest stamps are {counts.closest_gap_ns / 1e9:g} s apart: '
         'give that, or a little more, as --set approximate_sync_tolerance=SECONDS')
+    lie = '' if any(counts.images.values()) else recording.where([summary.left, summary.right])
     return (f'{job.input}: no pair among {counts.images["left"]} images on {summary.left} and '
-            f'{counts.images["right"]} on {summary.right}{gap}')
+            f'{counts.images["right"]} on {summary.right}{gap}{lie}')

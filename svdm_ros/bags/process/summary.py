@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...command_line.user_files import shown
+from svdm_core.shown import shown
+
 from ..reading.pair_stream import PairingCounts
 from .outputs import pixels_of
 
@@ -55,7 +56,11 @@ class Progress:
 
     def judge(self, found: NDArray[np.float32], ground_truth: Any) -> None:
         """Add the error of published disparities, float32 (H, W), against a DisparityImage, where that is valid."""
-        truth = pixels_of(ground_truth.image)
+        try:
+            truth = pixels_of(ground_truth.image)
+        except ValueError as reason:
+            self.notes[f'the ground truth is no disparity: {reason}'] += 1
+            return
         if truth.shape != found.shape:
             self.notes['the ground truth has another size than the images'] += 1
             return
@@ -83,7 +88,7 @@ def _plain(value: Any) -> Any:
 class Summary:
     """One recording. `seconds` and `matched` are of this run alone, `matcher_ms` the matcher's own mean a pair.
 
-    problem: why the end was not reached; empty for a complete output.
+    problem: why the end was not reached; empty for a complete output. notes, missing: as Recording has them.
     """
 
     input: str
@@ -97,6 +102,8 @@ class Summary:
     seconds: float
     matcher_ms: float
     problem: str = ''
+    notes: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
 
     @property
     def pairs_per_second(self) -> float:
@@ -106,7 +113,7 @@ class Summary:
     @property
     def exit_code(self) -> int:
         """0 where every pair has its disparity, 1 where something is missing."""
-        return 1 if self.problem or self.progress.dropped else 0
+        return 1 if self.problem or self.missing or self.progress.dropped else 0
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -114,6 +121,7 @@ class Summary:
         return {
             'input': self.input, 'output': self.output, 'left': self.left, 'right': self.right,
             'complete': not self.problem, 'problem': self.problem,
+            'recording': [*self.missing, *self.notes],
             'images': self.pairing.images, 'pairs': self.pairing.pairs, 'disparities': progress.disparities,
             'unpaired': self.pairing.unpaired, 'unpaired_reason': self._unpaired_reason(),
             'dropped': dict(progress.dropped), 'dropped_reasons': progress.reasons, 'notes': dict(progress.notes),
@@ -134,6 +142,8 @@ class Summary:
         yield f'{place}: {progress.disparities} disparities of {pairing.pairs} pairs'
         yield (f'  {self.matched} matched in {self.seconds:.1f} s, {self.pairs_per_second:.2f} pairs a second; the '
                f'matcher itself took {self.matcher_ms:.1f} ms a pair')
+        for line in (*self.missing, *self.notes):
+            yield f'  {line}'
         if any(pairing.unpaired.values()):
             yield (f'  unpaired: {pairing.unpaired["left"]} of {pairing.images["left"]} left, '
                    f'{pairing.unpaired["right"]} of {pairing.images["right"]} right images: {self._unpaired_reason()}')

@@ -4,31 +4,77 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, NamedTuple
 
-from ...command_line.user_files import METADATA, Limits, RefusedFileError, check_regular, parse_yaml, read_yaml
+from rosbags.interfaces import Qos
+
+from svdm_core.files.user_files import METADATA, Limits, RefusedFileError, check_regular, parse_yaml, read_yaml
+from svdm_core.shown import shown
+
+from .storage import qos_of
 
 METADATA_FILE = 'metadata.yaml'
 ROOT = 'rosbag2_bagfile_information'
+_NEWEST = 9
+"""Version of metadata.yaml."""
 
 
-def check_metadata(path: Path) -> None:
-    """Raise RefusedFileError, naming the file, where metadata.yaml is not plain YAML, or names what is no file.
+class BagMetadata(NamedTuple):
+    """What metadata.yaml tells: names of the files in their order, messages of each topic, QoS offered."""
 
-    Fields that are missing or of another type, and files that are missing, are left to those who read the bag.
+    files: list[str]
+    counts: dict[str, int]
+    qos: dict[str, tuple[Qos, ...]]
+
+
+class UnusableMetadataError(ValueError):
+    """A metadata.yaml that does not tell what is in the bag; the files of the bag can be read without it."""
+
+
+def bag_metadata(path: Path) -> BagMetadata:
+    """Read metadata.yaml.
+
+    Raises UnusableMetadataError where it is empty, damaged, of another version, or does not name the files.
+    Raises RefusedFileError where it, or a file that it names, is no regular file, or where its QoS are hostile.
     """
-    information = read_metadata(path)
-    for name in _file_names(information):
-        file = path.parent / name
-        if file.exists():
-            check_regular(file, Limits(sys.maxsize))
-    for topic in _mappings(information.get('topics_with_message_count')):
-        offered = next(_mappings([topic.get('topic_metadata')]), {}).get('offered_qos_profiles')
-        if isinstance(offered, str):  # up to version 8 YAML in YAML
-            try:
-                parse_yaml(offered, METADATA)
-            except RefusedFileError as error:
-                raise RefusedFileError(f'{path}: offered_qos_profiles: {error}') from None
+    check_regular(path, METADATA)
+    try:
+        information = read_metadata(path)
+    except RefusedFileError as error:
+        raise UnusableMetadataError(str(error)) from None
+    topics = [dict(topic) for topic in _mappings(information.get('topics_with_message_count'))]
+    counts, qos = {}, {}
+    for topic in topics:
+        told = next(_mappings([topic.get('topic_metadata')]), {})
+        name, count, profiles = told.get('name'), topic.get('message_count'), told.get('offered_qos_profiles')
+        if isinstance(profiles, str):  # up to version 8 YAML in YAML
+            profiles = _parsed(path, profiles)
+        if isinstance(name, str):
+            counts[name] = count if isinstance(count, int) else 0
+            qos[name] = qos_of(profiles)
+    _check(path, information)
+    return BagMetadata(_file_names(information), counts, qos)
+
+
+def _check(path: Path, information: Mapping[str, Any]) -> None:
+    version, storage = information.get('version'), information.get('storage_identifier')
+    if not isinstance(version, int) or not 1 <= version <= _NEWEST:
+        raise UnusableMetadataError(f'{path}: its version is {shown(version)}, versions 1 to {_NEWEST} are known')
+    if not storage:
+        raise UnusableMetadataError(f'{path}: its storage_identifier is {shown(storage)}')
+    names = _file_names(information)
+    if not names:
+        raise UnusableMetadataError(f'{path}: it names no files')
+    for name in names:
+        if (path.parent / name).exists():
+            check_regular(path.parent / name, Limits(sys.maxsize))
+
+
+def _parsed(path: Path, profiles: str) -> Any:
+    try:
+        return parse_yaml(profiles, METADATA)
+    except RefusedFileError as error:
+        raise RefusedFileError(f'{path}: offered_qos_profiles: {error}') from None
 
 
 def read_metadata(path: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...frames.stereo_pairing import Pair, SideName, StereoPairer
-from .recorded_frames import ByStamp, stamp_ns
+from .recorded_frames import ByStamp, CameraInfos, stamp_ns
 from .recording import RecordedMessage, Recording
 from .stereo_topics import StereoTopics
 
@@ -57,7 +57,7 @@ class PairingCounts:
 class PairStream:
     """Iterating gives RecordedPair and, for the topics in `copied`, RecordedMessage; the same ones every time.
 
-    infos: camera_info to use in place of the recorded ones, (left, right).
+    recording: where they come from. infos: camera_info to use in place of the recorded ones, (left, right).
     """
 
     def __init__(
@@ -65,49 +65,55 @@ class PairStream:
         start_ns: int, stop_ns: int, infos: tuple[Any, Any] | None = None,
     ) -> None:
         self.counts = PairingCounts()
-        self._recording = recording
+        self.recording = recording
         self._topics = topics
         self._copied = copied
         self._range = start_ns, stop_ns
         self._pairer: StereoPairer[TimedImage] = StereoPairer(tolerance_ns)
         self._waiting: collections.deque[Pair[TimedImage]] = collections.deque()
         self._given = infos
-        self._infos: dict[str, ByStamp[Any]] = {name: ByStamp(self._first(name)) for name in topics.infos}
-        self._truths: ByStamp[Any] = ByStamp()
+        self._infos = {name: CameraInfos(self._first(name)) for name in topics.infos}
+        self._truths: ByStamp[Any] = ByStamp(WAITING_BYTES)
 
     def __iter__(self) -> Iterator[RecordedPair | RecordedMessage]:
         topics = self._topics
         truths = {topics.ground_truth} if topics.ground_truth else set()
         wanted = {topics.left, topics.right, *topics.infos} | truths | self._copied
         sides: dict[str, SideName] = {topics.left: 'left', topics.right: 'right'}
-        for message in self._recording.messages(wanted, *self._range):
+        for message in self.recording.messages(wanted, *self._range):
             yield from self._released(message.time_ns)
             if message.topic in self._copied:
                 yield message
             if message.topic in sides:
-                self._waiting.extend(self._add(sides[message.topic], message))
+                self._waiting.extend(self._add_both(message) if topics.together
+                                     else self._add(sides[message.topic], message))
             elif message.topic in self._infos:
-                self._keep(self._infos[message.topic], message)
+                info = self.recording.deserialize(message)
+                self._infos[message.topic].add(stamp_ns(info), info, message.data)
             elif message.topic == topics.ground_truth:
-                self._keep(self._truths, message)
+                truth = self.recording.deserialize(message)
+                self._truths.add(stamp_ns(truth), truth, len(message.data))
         self._waiting.extend(self._pairer.flush())
         yield from self._released(None)
         self._count()
 
     def _first(self, topic: str) -> Any | None:
-        message = next(self._recording.messages([topic]), None)
-        return self._recording.deserialize(message) if message else None
+        message = next(self.recording.messages([topic]), None)
+        return self.recording.deserialize(message) if message else None
 
     def _add(self, side: SideName, message: RecordedMessage) -> list[Pair[TimedImage]]:
         self.counts.images[side] += 1
         # Offline an image may wait as long as there is memory for it: no pair is lost to a queue.
         self._pairer.queue_size = max(_FEWEST_WAITING, WAITING_BYTES // max(len(message.data), 1))
-        image = self._recording.deserialize(message)
+        image = self.recording.deserialize(message)
         return self._pairer.add(side, stamp_ns(image), TimedImage(image, message.time_ns))
 
-    def _keep(self, kept: ByStamp[Any], message: RecordedMessage) -> None:
-        content = self._recording.deserialize(message)
-        kept.add(stamp_ns(content), content)
+    def _add_both(self, message: RecordedMessage) -> list[Pair[TimedImage]]:
+        """An image that holds both views is a pair by itself."""
+        for side in self.counts.images:
+            self.counts.images[side] += 1
+        image = TimedImage(self.recording.deserialize(message), message.time_ns)
+        return [Pair(image, image, 0)]
 
     def _released(self, now_ns: int | None) -> Iterator[RecordedPair]:
         """The pairs that have all that belongs to them, or have waited for it in vain; at the end (None) all."""

@@ -1,32 +1,28 @@
 """Any recording as one stream of messages in order of time: rosbag2 (mcap, sqlite3) and ROS 1, files or folders."""
 from __future__ import annotations
 
+import collections
 import contextlib
 import dataclasses
-import re
-import shutil
-import sys
-import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from rosbags.convert.converter import generate_message_converter
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection, Qos
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
+from rosbags.interfaces import Qos
+from rosbags.typesys.msg import normalize_msgtype
 
-from ...command_line.user_files import Limits, RefusedFileError, check_regular, cut
-from .metadata import check_metadata
+from svdm_core.shown import cut, shown
 
-_STORAGES = ('.mcap', '.db3')
-_SUFFIXES = (*_STORAGES, '.bag')
-_PACKED = '.zstd'
+from .bag_files import bag_files, opened_files
+from .message_types import RecordedTypes
+from .metadata import BagMetadata
+from .storage import LAST_NS, Channel, DamageError, StorageFile, merged, told
+from .storage import RecordingError as RecordingError
+from .unpacking import ZSTD, unpack_block
 
-
-class RecordingError(ValueError):
-    """A recording that cannot be read, at all or from some point on. The text is one line that says what to do."""
+_FIRST_STEP_NS = 10**9
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -52,164 +48,163 @@ class RecordedMessage:
     data: bytes
 
 
+class _File(NamedTuple):
+    """A file of the recording, and its channels that are read, by id."""
+
+    path: Path
+    storage: StorageFile
+    channels: dict[int, Channel]
+
+
 class Recording:
     """An open recording; `open_recording` makes them.
 
     topics: by name. start_ns, end_ns: recording time of the first message and just after the last, 0 and 0 if empty.
     typestore: knows all types of the recording, as they are in ROS 2 Jazzy where it has them too.
+    notes: lines on what is not read, or not taken from metadata.yaml. missing: lines on files that are left out.
     """
 
-    def __init__(self, path: Path, reader: AnyReader) -> None:
+    def __init__(
+        self, path: Path, files: Mapping[Path, StorageFile], metadata: BagMetadata | None = None,
+        notes: Sequence[str] = (), missing: Sequence[str] = (),
+    ) -> None:
         self.path = path
-        self.topics = {topic.name: topic for topic in _topics(reader)}
-        empty = reader.message_count == 0
-        self.start_ns: int = 0 if empty else reader.start_time
-        self.end_ns: int = 0 if empty else reader.end_time
-        self.typestore = _typestore(reader)
-        self._reader = reader
-        self._converters: dict[str, Callable[[bytes], memoryview]] = {}
+        self.missing = tuple(missing)
+        self._types = RecordedTypes(channel for file in files.values() for channel in file.channels)
+        self.typestore = self._types.typestore
+        self._files, left_out = _readable(files, self._types)
+        qos = metadata.qos if metadata else {}
+        self.topics = {topic.name: topic for topic in _topics(self._files, qos)}
+        told_otherwise = _compared(path, metadata, self.topics) if metadata and not missing else ()
+        self.notes = (*notes, *left_out, *told_otherwise)
+        filled = [file for file in files.values() if file.end_ns]
+        self.start_ns: int = min((file.start_ns for file in filled), default=0)
+        self.end_ns: int = max((file.end_ns for file in filled), default=0)
 
     def messages(
         self, topics: Collection[str] | None = None, start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[RecordedMessage]:
         """The messages of `topics` (None: all) from `start_ns` on and before `stop_ns`, in the order of their time.
 
-        Streamed: no more than some chunks are in memory. Raises RecordingError where the recording is damaged.
+        Streamed: no more than some chunks are in memory. Raises RecordingError where the recording is damaged, or
+        where a file gives fewer messages than it tells of.
         """
-        connections = [one for one in self._reader.connections if topics is None or one.topic in topics]
-        if not connections:
-            return
-        with _told(self.path):
-            for connection, time_ns, data in self._reader.messages(connections, start_ns, stop_ns):
-                yield RecordedMessage(connection.topic, connection.msgtype, time_ns, self._ros2(connection, data))
+        part = (0 if start_ns is None else start_ns), (LAST_NS if stop_ns is None else stop_ns)
+        chosen = [(file, [one for one in file.channels.values() if topics is None or one.topic in topics])
+                  for file in self._files]
+        return merged((file.storage.start_ns, partial(self._read, file, channels, *part)) for file, channels in chosen
+                      if channels and file.storage.start_ns < part[1] and file.storage.end_ns > part[0])
 
     def deserialize(self, message: RecordedMessage) -> Any:
         """The message as an object with the fields of its type. Raises RecordingError where it is damaged."""
-        with _told(self.path):
+        with told(self.path):
             return self.typestore.deserialize_cdr(message.data, message.message_type)
 
-    def _ros2(self, connection: Connection, data: bytes) -> bytes:
-        if self._reader.is2:
-            return data
-        name = connection.msgtype
-        if name not in self._converters:
-            with contextlib.redirect_stdout(None):  # it prints what it converts
-                self._converters[name] = generate_message_converter(
-                    self._reader.typestore, self.typestore, name, name, {}, src_is2=False, dst_is2=True)
-        return bytes(self._converters[name](data))
+    def where(self, topics: Collection[str]) -> str:
+        """Where the messages of these topics lie, as the end of a line on a part without any; '' where there are none.
+        """
+        extent = self._extent(topics)
+        if extent is None:
+            return ''
+        first, last = (time_ns - self.start_ns for time_ns in extent)
+        return (f'; they lie from {first / 1e9:.3f} to {last / 1e9:.3f} s after the beginning of the recording: '
+                f'--start {start_option(first)} begins with them')
+
+    def _extent(self, topics: Collection[str]) -> tuple[int, int] | None:
+        """Times (ns) of the first and of the last message of these topics; None where there is none."""
+        first = next(self.messages(topics), None)
+        if first is None:
+            return None
+        step = _FIRST_STEP_NS
+        while True:  # back from the end, as reading all of it would take long
+            last = collections.deque(self.messages(topics, self.end_ns - step, self.end_ns), maxlen=1)
+            if last or self.end_ns - step <= first.time_ns:
+                return first.time_ns, last[-1].time_ns if last else first.time_ns
+            step *= 4
+
+    def _read(self, file: _File, channels: list[Channel], start_ns: int, stop_ns: int) -> Iterator[RecordedMessage]:
+        """The messages of one file; at the end it is seen whether there were as many as it tells."""
+        counts: Counter[int] = Counter()
+        with told(file.path):
+            for time_ns, number, data in file.storage.messages([one.id for one in channels], start_ns, stop_ns):
+                channel = file.channels[number]
+                counts[number] += 1
+                plain = unpack_block(data, 'zstd') if data[:4] == ZSTD else data
+                yield RecordedMessage(channel.topic, normalize_msgtype(channel.message_type), time_ns,
+                                      self._types.as_ros2(channel, plain))
+            if start_ns <= file.storage.start_ns and file.storage.end_ns <= stop_ns:
+                _check_counts(channels, counts)
 
 
 @contextlib.contextmanager
 def open_recording(path: Path) -> Iterator[Recording]:
     """Open a .mcap, .db3 or .bag file, one of these as .zstd, or a folder, with metadata.yaml or without.
 
-    Raises RecordingError in one line for anything that is no readable recording.
+    Raises RecordingError in one line for anything that is no readable recording. Of several files those that are
+    damaged are left out, see Recording.missing.
     """
     if not path.exists():
         raise RecordingError(f'{path}: there is no such file or folder')
     with contextlib.ExitStack() as stack:
-        with _told(path):
-            files = _unpacked(_files(path), stack)
-            reader = stack.enter_context(AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY)))
-            recording = Recording(path, reader)
+        with told(path):
+            found = bag_files(path)
+            opened, damaged = opened_files(path, found.files, stack)
+            if not opened and damaged:
+                raise damaged[0]
+            missing = [f'left out: {error}' for error in damaged]
+            recording = Recording(path, opened, found.metadata, found.notes, missing)
         yield recording
 
 
-def _typestore(reader: AnyReader) -> Typestore:
-    """A ROS 2 recording is read by its own definitions; ROS 1 has other ones of the same names."""
-    own, jazzy = reader.typestore.fielddefs, get_typestore(Stores.ROS2_JAZZY)
-    if all(jazzy.fielddefs.get(name) == definition for name, definition in own.items()):
-        return jazzy
-    store = get_typestore(Stores.EMPTY)
-    store.register({**jazzy.fielddefs, **own} if reader.is2 else {**own, **jazzy.fielddefs})
-    return store
+def start_option(after_ns: int) -> str:
+    """What --start takes, s, to begin with a message so many ns after the first one, or just before it."""
+    for milliseconds in (after_ns // 10**6, after_ns // 10**6 - 1):  # the number that is read may be rounded up
+        text = f'{max(milliseconds, 0) / 1000:.3f}'.rstrip('0').rstrip('.')
+        if round(float(text) * 1e9) <= after_ns:
+            break
+    return text
 
 
-def _topics(reader: AnyReader) -> Iterator[Topic]:
-    by_name: dict[str, list[Connection]] = {}
-    for connection in reader.connections:
-        by_name.setdefault(connection.topic, []).append(connection)
-    for name, connections in sorted(by_name.items()):
-        first = connections[0]
-        qos = tuple(profile for one in connections for profile in getattr(one.ext, 'offered_qos_profiles', ()))
-        # Two files of one split bag that lost its metadata.yaml have a connection each, counted each.
-        yield Topic(name, first.msgtype, sum(one.msgcount for one in connections), qos)
+def _check_counts(channels: list[Channel], counts: Counter[int]) -> None:
+    for channel in channels:
+        if counts[channel.id] < channel.count:
+            raise DamageError(f'{counts[channel.id]} of the {channel.count} messages on {cut(channel.topic)} that it '
+                              'tells of can be read: its index is damaged, copy it anew, or mend it with '
+                              '`mcap recover` or `rosbag reindex`')
 
 
-def _files(path: Path) -> list[Path]:
-    """What rosbags is to open: the file, the folder, or the files of a folder that lost its metadata.yaml."""
-    if not path.is_dir():
-        check_regular(path, Limits(sys.maxsize))
-        if _storage_suffix(path) not in _SUFFIXES:
-            raise RecordingError(f'{path}: the suffix {path.suffix!r} is none of a recording: {", ".join(_SUFFIXES)}, '
-                                 f'with {_PACKED} behind it or without, or the folder of a rosbag2')
-        return [path]
-    if (path / 'metadata.yaml').exists():
-        check_metadata(path / 'metadata.yaml')
-        return [path]
-    for storage in _STORAGES:
-        files = sorted((file for file in path.iterdir() if _storage_suffix(file) == storage), key=_number)
-        if files:
-            for file in files:
-                check_regular(file, Limits(sys.maxsize))
-            return files
-    raise RecordingError(f'{path}: no recording in this folder: neither metadata.yaml nor {" nor ".join(_STORAGES)}')
+def _readable(files: Mapping[Path, StorageFile], types: RecordedTypes) -> tuple[list[_File], list[str]]:
+    """The files with the channels that can be read, and lines on the others."""
+    readable, lines = [], []
+    for path, storage in files.items():
+        lines += [f'{path}: {line}' for line in storage.left_out]
+        lacking = [channel for channel in storage.channels if types.lacks(channel)]
+        lines += [f'{path}: left out: {shown(channel.topic)}, {channel.count} messages of type '
+                  f'{shown(channel.message_type)}, whose definition cannot be read, or is none of ROS 2'
+                  for channel in lacking]
+        readable.append(_File(path, storage, {one.id: one for one in storage.channels if one not in lacking}))
+    return readable, lines
 
 
-def _storage_suffix(path: Path) -> str:
-    return Path(path.stem).suffix if path.suffix == _PACKED else path.suffix
+def _topics(files: Sequence[_File], qos: Mapping[str, tuple[Qos, ...]]) -> Iterator[Topic]:
+    """By name. qos: by metadata.yaml, which is edited to play a recording with another one."""
+    by_name: dict[str, list[Channel]] = {}
+    for file in files:
+        for channel in file.channels.values():
+            by_name.setdefault(channel.topic, []).append(channel)
+    for name, channels in sorted(by_name.items()):
+        offered = qos.get(name) or tuple(dict.fromkeys(profile for one in channels for profile in one.qos))
+        yield Topic(name, normalize_msgtype(channels[0].message_type), sum(one.count for one in channels), offered)
 
 
-def _number(path: Path) -> tuple[list[int], str]:
-    """bag_2.mcap before bag_10.mcap."""
-    return [int(digits) for digits in re.findall(r'\d+', path.name)], path.name
-
-
-def _unpacked(files: list[Path], stack: contextlib.ExitStack) -> list[Path]:
-    """Files that are compressed as a whole, decompressed into a folder that goes when `stack` is closed."""
-    if not any(file.suffix == _PACKED for file in files):
-        return files
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix='svdm_bag_')))
-    return [_unpack(file, folder / file.stem) if file.suffix == _PACKED else file for file in files]
-
-
-def _unpack(packed: Path, target: Path) -> Path:
-    try:
-        from compression import zstd  # type: ignore[import-not-found, unused-ignore]  # Python 3.14
-    except ImportError:
-        from backports import zstd  # comes with rosbags
-    with zstd.open(packed, 'rb') as source, target.open('wb') as file:
-        shutil.copyfileobj(source, file)
-    return target
-
-
-@contextlib.contextmanager
-def _told(path: Path) -> Iterator[None]:
-    """Whatever the parsers raise on bytes that are no recording, as one line."""
-    try:
-        yield
-    except RecordingError:
-        raise
-    except RefusedFileError as error:
-        raise RecordingError(str(error)) from None
-    except PermissionError:
-        raise RecordingError(f'{path}: no permission to read it') from None
-    except Exception as error:  # parsers fed with damaged bytes raise anything, TypeError and struct.error included
-        raise RecordingError(f'{path}: {_explained(error)}') from error
-
-
-def _explained(error: Exception) -> str:
-    """What is wrong, and what to do about it."""
-    text = ' '.join(str(error).split()).rstrip('.') or type(error).__name__
-    shown = cut(text)
-    if 'end magic' in text or 'Truncated' in text or 'footer' in text or 'seems to be empty' in text:
-        return f'the file is cut off ({shown}): mend it with `mcap recover`, or copy it anew'
-    if 'not in timestamp order' in text:
-        return f'{shown}: `mcap recover` or `ros2 bag convert` writes an indexed one'
-    if 'not indexed' in text:
-        return 'the ROS 1 bag was not closed: mend it with `rosbag reindex`'
-    if 'files are missing' in text:
-        return f'{shown}: metadata.yaml names them; copy them too, or remove metadata.yaml'
-    if 'not supported' in text:
-        return shown
-    return f'damaged or no recording ({shown})'
+def _compared(path: Path, metadata: BagMetadata, topics: Mapping[str, Topic]) -> Iterator[str]:
+    """A line where the files hold other topics than metadata.yaml tells of, or fewer messages of them."""
+    told_of = {name for name, count in metadata.counts.items() if count}
+    unknown = sorted(told_of - topics.keys())
+    if unknown:
+        yield (f'{path}: metadata.yaml tells of {len(unknown)} topics that its files do not hold, the first '
+               f'{shown(unknown[0])}: what the files hold is read')
+    fewer = [topics[name] for name in sorted(told_of & topics.keys()) if topics[name].count < metadata.counts[name]]
+    if fewer:
+        yield (f'{path}: metadata.yaml tells of {metadata.counts[fewer[0].name]} messages on {cut(fewer[0].name)}, the '
+               f'files hold {fewer[0].count}: what the files hold is read')

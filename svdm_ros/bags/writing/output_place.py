@@ -7,7 +7,8 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...command_line.user_files import RefusedFileError
+from svdm_core.files.user_files import RefusedFileError
+
 from ..reading.metadata import METADATA_FILE, listed_files
 
 SUMMARY_FILE, PREVIEW_FOLDER, PREVIEW_FILE = 'summary.json', 'preview', 'preview.mp4'

@@ -19,7 +19,9 @@ import yaml
 from rosbags.interfaces import Qos
 from rosbags.typesys.store import Typestore
 
-from ...command_line.user_files import METADATA, cut, read_text
+from svdm_core.files.user_files import METADATA, read_text
+from svdm_core.shown import cut
+
 from ..reading.metadata import METADATA_FILE, ROOT, read_metadata
 from ..reading.recording import RecordingError, open_recording
 from .mcap_storage import BagWriter
@@ -293,8 +295,9 @@ def read_partial(folder: Path) -> tuple[dict[str, Any], dict[str, Any], dict[str
         settings, state = stored['settings'], stored['state']
         if not isinstance(settings, dict) or not isinstance(state, dict):
             raise TypeError('settings and state are no objects')
-        with open_recording(folder):
-            pass
+        with open_recording(folder) as recording:
+            if recording.missing:
+                raise RecordingError(recording.missing[0].removeprefix('left out: '))
     except RecordingError as error:
         raise DamagedBagError(folder, cut(str(error).removeprefix(f'{folder}: '))) from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:

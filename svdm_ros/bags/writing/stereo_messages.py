@@ -47,7 +47,7 @@ def camera_info_bytes(camera: CameraCalibration, moment: Moment) -> bytes:
     """sensor_msgs/CameraInfo of a camera whose size is known."""
     assert camera.size is not None
     width, height = camera.size
-    model = 'rational_polynomial' if len(camera.d) == 8 else 'plumb_bob'
+    model = 'rational_polynomial' if len(camera.d) > 5 else 'plumb_bob'
     info = TYPES.types[CAMERA_INFO](
         header=moment.header(), height=height, width=width, distortion_model=model, d=camera.d, k=camera.k.ravel(),
         r=camera.r.ravel(), p=camera.p.ravel(), binning_x=0, binning_y=0, roi=_ROI(0, 0, 0, 0, False))

@@ -165,7 +165,7 @@ def test_a_broken_scene_is_named_and_the_others_go_on(folder, tmp_path, capsys):
     captured = capsys.readouterr()
     error = captured.err.splitlines()
     assert len(error) == 1 and error[0].startswith('svdm evaluate: left out: ')
-    assert error[0].endswith('im1.png: missing, or not an image')
+    assert 'im1.png: missing, or not an image of PNG, JPEG' in error[0]
     document = json.loads(path.read_text())
     assert list(document['scenes']) == ['Attic', 'Vintage'] and len(document['left_out']) == 1
     assert 'im1.png: missing' in (tmp_path / 'a.html').read_text()

@@ -42,7 +42,7 @@ class Installation:
         for name, text in SMALL_PACKAGE.items():
             (self.package / name).parent.mkdir(parents=True, exist_ok=True)
             (self.package / name).write_text(text)
-        for name in ('cache.py', 'compilation.py'):
+        for name in ('cache.py', 'cache_files.py', 'compilation.py'):
             shutil.copy2(CORE / 'kernels' / name, self.package / 'kernels')
         self.home, self.temporary = folder / 'home', folder / 'tmp'
         self.home.mkdir()
@@ -149,3 +149,15 @@ def test_every_kernel_is_in_a_folder_of_the_sources():
     assert outside == set()
     places = {Path(kernel.py_func.__code__.co_filename).relative_to(CORE).parts[0] for kernel in kernels}
     assert places <= set(cache._KERNEL_FOLDERS)
+
+
+def test_a_copy_of_the_package_elsewhere_needs_no_compilation(installation, tmp_path):
+    shared = tmp_path / 'shared'
+    assert installation.run(NUMBA_CACHE_DIR=str(shared)) == ('6', '')
+    first = installation.compiled(shared)
+    copy = tmp_path / 'elsewhere'
+    copy.mkdir()
+    shutil.copytree(installation.package, copy / 'small')
+    installation.folder = copy
+    assert installation.run(NUMBA_CACHE_DIR=str(shared)) == ('6', '')
+    assert installation.compiled(shared) == first and len(first) == 1

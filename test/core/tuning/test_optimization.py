@@ -88,7 +88,7 @@ def test_a_file_that_is_no_storage_is_left_alone(tmp_path):
         with pytest.raises(ValueError, match=r'line \d is not of a file of svdm tune'):
             FigureStore(tmp_path / 's')
         assert (tmp_path / 's').read_text() == text
-    with pytest.raises(IsADirectoryError):
+    with pytest.raises(ValueError, match='is a folder: give a regular file'):
         FigureStore(tmp_path)
 
 

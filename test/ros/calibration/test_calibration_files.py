@@ -148,3 +148,128 @@ def test_files_that_are_none_are_told(tmp_path):
         read_calibration([tmp_path / 'calib.txt'], False)
     with pytest.raises(ValueError, match='given 3 times'):
         read_calibration([broken] * 3, False)
+
+
+# Of more tools
+
+
+SIZE = (752, 480)
+CAMERA = [720.0, 0, 386, 0, 720, 217, 0, 0, 1]
+LENS = [0.05, 0.18, -1e-3, 1e-3, -0.7, 0.02, 0.03, 0.01, 1e-3, 2e-3, 3e-3, 4e-3, 0.01, 0.02]
+
+
+def ros_text(shift, count=5, model='plumb_bob', tag='', head=''):
+    """A camera as ROS tools write it, or OpenCV with the names of ROS."""
+    def matrix(name, rows, data):
+        size = f'   rows: {rows}\n   cols: {len(data) // rows}\n   dt: d\n'
+        return f'{name}:{tag}\n{size}   data: {list(map(float, data))}\n'
+    return (f'{head}image_width: {SIZE[0]}\nimage_height: {SIZE[1]}\ncamera_name: any\n'
+            + matrix('camera_matrix', 3, CAMERA)
+            + (f'distortion_model: {model}\n' if model else '') + matrix('distortion_coefficients', 1, LENS[:count])
+            + matrix('rectification_matrix', 3, np.eye(3).ravel())
+            + matrix('projection_matrix', 3, [721, 0, 387, shift, 0, 721, 222, 0, 0, 0, 1, 0]))
+
+
+def written_pair(folder, **how):
+    files = [folder / 'left.yaml', folder / 'right.yaml']
+    for file, shift in zip(files, (0, -43.8), strict=True):
+        file.write_text(ros_text(shift, **how))
+    return files
+
+
+@pytest.mark.parametrize('how', [
+    {'tag': ' !!opencv-matrix', 'head': '%YAML:1.0\n---\n'}, {'count': 4}, {'count': 4, 'model': 'radtan'},
+    {'model': 'radial-tangential'}, {'model': None}, {'model': None, 'count': 12},
+    *({'count': count, 'model': 'rational_polynomial'} for count in (8, 12, 14))], ids=str)
+def test_ros_calibrations_of_any_tool_are_read(tmp_path, how):
+    calibration = read_calibration(written_pair(tmp_path, **how), False)
+    assert geometry(calibration) == pytest.approx((721, 43.8 / 721, 0))
+    count = how.get('count', 5)
+    expected = [*LENS[:4], 0.0] if count == 4 else LENS[:count]
+    assert calibration.left.d.tolist() == calibration.right.d.tolist() == expected
+
+
+@pytest.mark.parametrize(('how', 'told'), [
+    ({'count': 5, 'model': 'rational_polynomial'},
+     'distortion_coefficients of the left camera must be 8 or 12 or 14 numbers (rational_polynomial), it has 5'),
+    ({'count': 8}, 'must be 4 or 5 numbers (plumb_bob), it has 8'),
+    ({'count': 3, 'model': None}, 'must be 4 or 5 or 8 or 12 or 14 numbers, it has 3'),
+    ({'count': 4, 'model': 'equidistant'}, "distortion_model of the left camera is 'equidistant'"),
+    ({'model': '[1, 2]'}, 'distortion_model of the left camera is [1, 2]')], ids=str)
+def test_ros_calibrations_of_another_lens_are_refused(tmp_path, how, told):
+    with pytest.raises(ValueError) as refused:
+        read_calibration(written_pair(tmp_path, **how), False)
+    assert told in str(refused.value)
+
+
+def kalibr_document():
+    """camchain.yaml of the cameras of EuRoC."""
+    left, right = euroc_documents()
+    body_from = [np.reshape(camera['T_BS']['data'], (4, 4)) for camera in (left, right)]
+    cameras = {f'cam{number}': {
+        'camera_model': 'pinhole', 'distortion_model': 'radtan', 'intrinsics': camera['intrinsics'],
+        'distortion_coeffs': camera['distortion_coefficients'], 'resolution': list(EUROC_SIZE),
+        'cam_overlaps': [1 - number], 'rostopic': f'/cam{number}/image_raw'}
+        for number, camera in enumerate((left, right))}
+    cameras['cam1']['T_cn_cnm1'] = (np.linalg.inv(body_from[1]) @ body_from[0]).tolist()
+    return cameras
+
+
+def test_kalibr_is_read_as_euroc_with_the_same_cameras(tmp_path):
+    chain = tmp_path / 'camchain-rig.yaml'
+    chain.write_text(yaml.safe_dump(kalibr_document()))
+    ours, expected = read_calibration([chain], False), read_calibration(write_euroc(tmp_path), False)
+    for side in ('left', 'right'):
+        for name in ('k', 'd', 'r', 'p'):
+            own, other = (getattr(calibration.camera(side), name) for calibration in (ours, expected))
+            np.testing.assert_allclose(own, other, atol=1e-9)
+    with pytest.raises(ValueError, match='calibration of both cameras: give --calib once'):
+        read_calibration([chain, chain], False)
+
+
+@pytest.mark.parametrize(('camera', 'change', 'told'), [
+    ('cam1', {'T_cn_cnm1': np.diag([1.0, 1, 2, 1]).tolist()}, 'T_cn_cnm1 of the right camera must be a rotation'),
+    ('cam1', {'T_cn_cnm1': None}, 'T_cn_cnm1 of the right camera must be 16 numbers'),
+    ('cam0', {'camera_model': 'omni'}, "camera_model of cam0 is 'omni', it must be pinhole"),
+    ('cam1', {'distortion_model': 'equidistant'}, "distortion_model of the right camera is 'equidistant'")])
+def test_what_is_wrong_with_a_kalibr_file_is_told(tmp_path, camera, change, told):
+    document = kalibr_document()
+    document[camera] |= change
+    chain = tmp_path / 'camchain.yaml'
+    chain.write_text(yaml.safe_dump(document))
+    with pytest.raises(ValueError, match=told):
+        read_calibration([chain], False)
+
+
+def test_one_camera_of_kalibr_is_refused(tmp_path):
+    chain = tmp_path / 'camchain.yaml'
+    chain.write_text(yaml.safe_dump({'cam0': kalibr_document()['cam0']}))
+    with pytest.raises(ValueError, match='cam1 is missing'):
+        read_calibration([chain], False)
+
+
+def test_driving_stereo_is_read(tmp_path):
+    def row(shift):
+        return f'1003.6 0 376 {shift} 0 1003.6 240 0 0 0 1 0'
+
+    path = tmp_path / '2018-07-16.txt'
+    path.write_text('S_101: 752 480\nS_rect_101: 752 480\nS_rect_103: 752 480\n'
+                    f'P_rect_101: {row(0)}\nP_rect_103: {row(-546.7)}\n')
+    calibration = read_calibration([path], True)
+    assert geometry(calibration) == pytest.approx((1003.6, 546.7 / 1003.6, 0))
+    assert (calibration.source, calibration.left.size, calibration.is_rectified) == ('DrivingStereo', SIZE, True)
+
+
+@pytest.mark.parametrize(('name', 'text', 'told'), [
+    ('ost.txt', '# oST version 5.0 parameters\n\n[image]\n\nwidth\n752\n\n[narrow_stereo/left]\n', 'is ost.txt of ROS'),
+    ('SN1.conf', '[LEFT_CAM_HD]\nfx=700.5\n[STEREO]\nBaseline=119.87\n', 'is the factory calibration of a ZED'),
+    ('EuRoC.yaml', '%YAML:1.0\n\nCamera.fx: 435.2\nLEFT.width: 752\n', 'is the settings of ORB-SLAM'),
+    ('intrinsics.yml', '%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 1\n   cols: 1\n   dt: d\n   data: [ 1. ]\n',
+     "is intrinsics of OpenCV's stereo_calib"),
+    ('K.txt', '754.6 0.0 489.3 0.0 754.6 265.1 0.0 0.0 1.0\n0.063\n',
+     'line 1 has 9 numbers, a projection matrix has 12'),
+])
+def test_files_of_other_tools_are_refused_by_name(tmp_path, name, text, told):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(ValueError, match=told):
+        read_calibration([tmp_path / name], False)

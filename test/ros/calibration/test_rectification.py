@@ -62,7 +62,7 @@ def test_a_pair_of_raw_images_gives_the_true_depth(model, d):
         raw.append(image)
     truth = F * BASELINE / depths[0]  # px, without the principal points
     both = inside(infos[0], 12) & (np.arange(SIZE[0]) - truth - 5 > 20)
-    matcher = StereoMatcher(MatcherParameters(num_disparities=112))
+    matcher = StereoMatcher(MatcherParameters(min_disparity=46))
     disparity = matcher.compute(*rectified).disparity - (370.0 - 365.0)
     right = both & (np.abs(disparity - truth) < 1)
     error = np.abs(F * BASELINE / disparity[both] - depths[0][both]) / depths[0][both]

@@ -115,7 +115,7 @@ def test_a_parameter_change_takes_effect_on_the_next_frame(client):
     ('w_p', [5, 7], 'w_p = '),
     ('subpixel', None, 'subpixel = None is not allowed: it must be true | false'),
     ('queue_size', 0, 'queue_size'),
-    ('alhpa', 1.0, 'alhpa: did you mean alpha?'),
+    ('alhpa', 1.0, "'alhpa': did you mean alpha?"),
 ])
 def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(client, name, value, told):
     before = client.get_parameters(*DEFAULTS)

@@ -2,9 +2,24 @@
 import cv2
 import numpy as np
 import pytest
-from node_bench import BASELINE, FOCAL_LENGTH, HEIGHT, WIDTH, camera_info, image_message, random_dots, running_node
+from node_bench import (
+    BASELINE,
+    FOCAL_LENGTH,
+    HEIGHT,
+    PRINCIPAL_OFFSET,
+    WIDTH,
+    Client,
+    NodeProcess,
+    camera_info,
+    disparities,
+    fresh_domain,
+    image_message,
+    random_dots,
+    running_node,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from stereo_msgs.msg import DisparityImage
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 DEFAULTS = {'input': 'rectified', 'transport': 'raw', 'layout': 'separate'}
@@ -75,20 +90,62 @@ def test_images_in_any_form_give_the_same_bytes(client, values):
     assert (found.f, found.t) == (FOCAL_LENGTH, pytest.approx(BASELINE))
 
 
-def test_raw_images_without_camera_info_are_told(tmp_path):
-    with running_node(tmp_path, '-p', 'num_disparities:=16', '-p', 'input:=raw') as (_, client):
-        for side in ('left', 'right'):
-            client.advertise(Image, f'{side}/image_raw')
+CAMERAS = {'front': (['-p', 'input:=raw'], 'image_raw', image_message, 7),
+           'rear': (['-p', 'transport:=compressed'], 'image_rect/compressed', packed, 4)}
+"""Namespace -> arguments of its node, topic below left and right, what makes a message, disparity."""
 
-        def publish():
-            second = client.next_second()
-            for side, pixels in zip(('left', 'right'), random_dots(), strict=True):
-                message = image_message(pixels)
-                message.header.stamp.sec = second
-                client.publish(f'{side}/image_raw', message)
 
-        trouble = client.wait_for_trouble('no left/camera_info has come', each=publish)
-        assert 'set input to rectified' in trouble
+@pytest.fixture(scope='module')
+def two_nodes(tmp_path_factory):
+    """One node a camera, each in its namespace."""
+    folder, domain = tmp_path_factory.mktemp('two'), fresh_domain()
+    nodes = [NodeProcess(domain, folder / f'{name}.log', '-r', f'__ns:=/{name}', '-p', 'num_disparities:=16',
+                         '-p', 'num_threads:=1', *arguments) for name, (arguments, *_) in CAMERAS.items()]
+    client = Client(domain)
+    try:
+        yield nodes, client
+    finally:
+        client.close()
+        for node in nodes:
+            node.kill()
+
+
+def send(client, infos):
+    """A pair of each camera, and camera_info if wanted."""
+    second = client.next_second()
+    for name, (_, topic, message, shift) in CAMERAS.items():
+        for side, pixels in zip(('left', 'right'), random_dots(shift=shift), strict=True):
+            image = message(pixels)
+            image.header.stamp.sec, image.header.frame_id = second, name
+            messages = {f'/{name}/{side}/{topic}': image}
+            if infos:
+                messages = {f'/{name}/{side}/camera_info': raw_info(side), **messages}
+            for where, what in messages.items():
+                client.advertise(type(what), where)
+                client.publish(where, what)
+
+
+def test_raw_images_without_camera_info_are_told(two_nodes):
+    _, client = two_nodes
+    client.subscribe(DisparityImage, '/front/disparity', [])
+    client.spin_until(lambda: any('no left/camera_info has come' in trouble and 'set input to rectified' in trouble
+                                  for trouble in client.troubles), 'the line', 60.0, lambda: send(client, infos=False))
+
+
+def test_two_nodes_in_two_namespaces_one_raw_and_one_compressed_run_side_by_side(two_nodes):
+    nodes, client = two_nodes
+    received = {name: [] for name in CAMERAS}
+    for name, messages in received.items():
+        client.subscribe(DisparityImage, f'/{name}/disparity', messages)
+    client.spin_until(lambda: all(messages and messages[-1].f > 0 for messages in received.values()),
+                      'both disparities', 60.0, lambda: send(client, infos=True))
+    for name, (*_, shift) in CAMERAS.items():
+        message = received[name][-1]
+        assert message.header.frame_id == name
+        assert np.median(disparities(message)[:, shift + 5:]) == pytest.approx(shift - PRINCIPAL_OFFSET, abs=0.1)
+    assert not client.received  # nothing outside the namespaces
+    assert [node.end() for node in nodes] == [0, 0]
+    assert not any('[ERROR]' in node.log or 'Traceback' in node.log for node in nodes)
 
 
 def test_camera_info_that_was_latched_before_the_node_came_reaches_it(tmp_path):

@@ -339,6 +339,20 @@ def test_every_pair_of_each_pass_comes_out_of_the_live_node(stereo_bag, tmp_path
 # How it ends
 
 
+def test_a_long_wait_is_told_with_how_to_skip_it(tmp_path):
+    early = ('/early', String, FIRST - 3600 * 10**9, String(data='x'))
+    bag = write_bag(tmp_path / 'bag', [early, *stereo_messages(2)])
+    with listening() as listener:
+        with playing(bag) as play:
+            line = play.process.stdout.readline()
+            play.process.send_signal(signal.SIGINT)
+            play.end()
+        code, out, _ = play_to(listener, bag, '--start', '3600.003')
+    assert line.startswith('nothing for 3600 s: the next message, on /left/camera_info, was recorded 3600.003 s after')
+    assert '--start 3600.003 begins with it' in line
+    assert (code, out.partition(',')[0]) == (0, 'played 8 messages')
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_an_endless_loop_with_exit_code_0(stereo_bag, number):
     with listening() as listener, playing(stereo_bag, '--loop', '--rate', '5') as play:

@@ -37,7 +37,7 @@ from recordings import (
 from svdm_core import MatcherParameters, StereoMatcher
 from svdm_ros.bags.process.processing import Job, process
 from svdm_ros.bags.reading.recording import open_recording
-from svdm_ros.calibration.stereo_calibration import CameraCalibration, StereoCalibration
+from svdm_ros.calibration.stereo_calibration import CameraCalibration, StereoCalibration, rectified_camera
 from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.messages import disparity_image, rclpy_types
 from svdm_ros.frames.views import StereoFrame
@@ -63,6 +63,50 @@ def test_every_pair_has_the_disparity_of_the_matcher_with_time_stamp_and_frame_o
         assert message.header == message.image.header == recordings.header(stamp(index))
         assert (message.f, message.t) == (F, T)
         np.testing.assert_array_equal(values(message), matcher.compute(*scene(index)).disparity - np.float32(OFFSET))
+
+
+def side_by_side(count):
+    """The recording of a camera that sends both views of `scene` in one image, beside a copy of it."""
+    for topic, time_ns, message in stereo(count):
+        if topic in (LEFT_INFO, RIGHT_INFO):
+            yield topic.replace('/cam/', '/usb/'), time_ns, message
+        elif topic == LEFT:
+            both = np.hstack(scene(round((time_ns - stamp(0)) / PERIOD)))
+            yield '/usb/image_rect', time_ns, image(both, time_ns - 3 * MS)
+            yield '/usb/image_rect/compressed', time_ns, compressed(both, time_ns - 3 * MS)
+
+
+def test_images_of_both_views_give_the_messages_of_two_images(run, tmp_path):
+    run(write(tmp_path / 'separate', stereo(2)), '--outputs', 'disparity,depth', output='two')
+    whole = write(tmp_path / 'whole', side_by_side(2))
+    layout = '--set', 'layout=side_by_side'
+    told = run(whole, *layout, '--outputs', 'disparity,depth')
+    assert 'out: 2 disparities of 2 pairs' in told
+    with open_recording(tmp_path / 'out') as one, open_recording(tmp_path / 'two') as two:
+        for topic in (DISPARITY, DEPTH, DEPTH_INFO):
+            both = [[(message.time_ns, message.data) for message in bag.messages([topic])] for bag in (one, two)]
+            assert len(both[0]) == 2 and both[0] == both[1]
+        assert {'/usb/left/camera_info', '/usb/right/camera_info'} < set(one.topics)
+    run(whole, *layout, '--left', '/usb/image_rect/compressed', '--copy-inputs', output='packed')
+    found = [message.data for _, message in messages_of(tmp_path / 'packed', '/usb/image_rect/compressed')]
+    assert len(found) == 2
+    for name in ('out', 'packed'):
+        disparities = [values(message) for _, message in messages_of(tmp_path / name, DISPARITY)]
+        np.testing.assert_array_equal(disparities[0], values(messages_of(tmp_path / 'two', DISPARITY)[0][1]))
+    told = run(whole, *layout, '--right', '/b', output='none', code=2)
+    assert '--right /b is not allowed with layout = side_by_side' in told
+
+
+def test_a_calibration_for_images_of_both_views_is_written_for_each_side(tmp_path):
+    sides = [rectified_camera((90, 60), np.reshape(camera_info(side, 0).p, (3, 4))) for side in ('left', 'right')]
+    whole = write(tmp_path / 'whole', [entry for entry in side_by_side(1) if 'info' not in entry[0]])
+    process(Job(whole, tmp_path / 'out', NodeParameters(PARAMETERS, layout='side_by_side'),
+                calibration=StereoCalibration(*sides, 'a test', is_rectified=True)))
+    [(_, message)] = messages_of(tmp_path / 'out', DISPARITY)
+    assert (message.f, message.t) == (F, T)
+    for side, camera in zip(('left', 'right'), sides, strict=True):
+        [(_, info)] = messages_of(tmp_path / 'out', f'/usb/{side}/camera_info')
+        np.testing.assert_array_equal(info.p, camera.p.ravel())
 
 
 @pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")  # of what rclpy imports
@@ -273,9 +317,10 @@ def raw_infos():
                                       ('right', (-0.01, 0.02, -0.015), -RAW_FOCAL * RAW_BASELINE))}
 
 
-def raw_recording(path, with_infos):
+def raw_recording(path, with_infos, together=False):
     entries = []
     for index in range(2):
+        views = []
         for side, info in raw_infos().items():
             message = recordings.camera_info(side, stamp(index))
             for name in ('width', 'height', 'distortion_model'):
@@ -283,8 +328,10 @@ def raw_recording(path, with_infos):
             for name in 'dkrp':
                 setattr(message, name, np.array(getattr(info, name), np.float64).ravel())
             entries += [(f'/{side}/camera_info', stamp(index), message)] * with_infos
-            pixels = planes.render(info, raw=True)[0]
-            entries.append((f'/{side}/image_raw', stamp(index), recordings.image(pixels, stamp(index))))
+            views.append(planes.render(info, raw=True)[0])
+        images = {'/image_raw': np.hstack(views)} if together else dict(
+            zip(('/left/image_raw', '/right/image_raw'), views, strict=True))
+        entries += [(topic, stamp(index), recordings.image(pixels, stamp(index))) for topic, pixels in images.items()]
     return write(path, entries)
 
 
@@ -303,6 +350,13 @@ def test_raw_images_are_rectified_where_that_is_asked_for_and_told_where_not(run
     [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
     assert median_error(depth) < 0.02
     assert len(messages_of(tmp_path / 'out', '/left/image_rect')) == 2
+
+
+def test_raw_images_of_both_views_are_rectified_each_by_its_own_camera_info(run, tmp_path):
+    bag = raw_recording(tmp_path / 'raw_bag', with_infos=True, together=True)
+    run(bag, '--set', 'layout=side_by_side', 'input=raw', 'num_disparities=32', '--outputs', 'depth')
+    [(_, depth), _] = messages_of(tmp_path / 'out', DEPTH)
+    assert median_error(depth) < 0.02
 
 
 def test_the_calibration_of_raw_cameras_rectifies_their_images(tmp_path):

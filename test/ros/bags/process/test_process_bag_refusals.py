@@ -12,6 +12,7 @@ from recordings import (
     BEGIN,
     LEFT,
     LEFT_INFO,
+    MS,
     PERIOD,
     RIGHT,
     RIGHT_INFO,
@@ -141,6 +142,71 @@ def test_memory_for_images_that_wait_is_bounded(run, tmp_path, monkeypatch):
     rights = [(topic, time_ns + 60 * PERIOD, message) for topic, time_ns, message in stereo(60) if topic == RIGHT]
     run(write(tmp_path / 'bag', lefts + rights))
     assert len(messages_of(tmp_path / 'out', DISPARITY)) == 19
+
+
+# What belongs to a recording, in part
+
+
+def test_a_torn_file_of_several_costs_its_own_pairs_only(run, tmp_path):
+    folder = tmp_path / 'split'
+    folder.mkdir()
+    for number in range(2):
+        bag = write(tmp_path / f'part{number}', list(stereo(6))[12 * number:12 * number + 12])
+        (bag / f'part{number}.mcap').rename(folder / f'split_{number}.mcap')
+    torn = folder / 'split_1.mcap'
+    torn.write_bytes(torn.read_bytes()[:-2000])
+    told = run(folder, code=1)
+    assert 'out: 3 disparities of 3 pairs' in told
+    assert f'left out: {torn}: the file is cut off' in told
+    assert len(messages_of(tmp_path / 'out', DISPARITY)) == 3
+    summary = json.loads((tmp_path / 'out' / 'summary.json').read_text())
+    assert summary['complete'] and str(torn) in summary['recording'][0]
+
+
+def test_a_part_without_images_says_where_they_lie(run, tmp_path):
+    early = (LEFT_INFO, 0, camera_info('left', 0))
+    bag = write(tmp_path / 'bag', [early, *stereo(3)])
+    told = run(bag, '--start', '0.2', '--duration', '0.2', code=2)
+    assert f'no pair among 0 images on {LEFT}' in told
+    begin = re.search(r'they lie from 1700000000\.003 to 1700000000\.204 s .*: --start (1700000000\.00[23])',
+                      told)
+    run(bag, '--start', begin[1])
+    assert len(messages_of(tmp_path / 'out', DISPARITY)) == 3
+
+
+def test_a_calibration_that_changes_serves_the_images_of_its_time(run, tmp_path):
+    """All left images come before all right ones, and so do the infos: each pair waits for long."""
+    def focal(index):
+        return 400.0 if index < 1500 else 500.0
+    pixels = np.zeros((4, 8), np.uint8)
+    chosen = [0, 700, 1499, 1500, 2900]
+    entries = [(info, stamp(index), camera_info(side, stamp(index), (8, 4), focal(index))) for index in range(3000)
+               for side, info in (('left', LEFT_INFO), ('right', RIGHT_INFO))]
+    entries += [(LEFT, stamp(index) + MS, image(pixels, stamp(index))) for index in chosen]
+    entries += [(RIGHT, stamp(4000 + index), image(pixels, stamp(index))) for index in chosen]
+    run(write(tmp_path / 'bag', entries), '--set', 'w_p=3')
+    assert [message.f for _, message in messages_of(tmp_path / 'out', DISPARITY)] == [400, 400, 400, 500, 500]
+
+
+@pytest.mark.parametrize(('encoding', 'data', 'told'), [
+    ('16UC1', np.zeros((60, 90), np.uint16), "the ground truth is no disparity: encoding '16UC1'"),
+    ('32FC1', np.zeros((60, 45), np.float32), 'the ground truth is no disparity: 10800 bytes are no 90x60 px'),
+])
+def test_a_ground_truth_that_is_none_is_told(run, tmp_path, encoding, data, told):
+    types = ROS2.types
+    truth = image(data, stamp(0), encoding)
+    truth.width = 90
+    region = types['sensor_msgs/msg/RegionOfInterest'](0, 0, 0, 0, False)
+    message = types['stereo_msgs/msg/DisparityImage'](recordings.header(stamp(0)), truth, 1.0, 1.0, region, 0.0, 9.0,
+                                                      1.0)
+    bag = write(tmp_path / 'bag', [*stereo(2), ('/gt/disparity', stamp(0), message)])
+    assert f'in 1 pairs: {told}' in run(bag)
+
+
+def test_what_calls_itself_ground_truth_and_cannot_be_is_told(run, tmp_path):
+    bag = write(tmp_path / 'bag', [*stereo(2), ('/gt/image', stamp(0), image(scene(0)[0], stamp(0)))])
+    told = run(bag, '--left', LEFT, '--right', RIGHT)
+    assert 'results are not judged by /gt/image, it is sensor_msgs/msg/Image' in told
 
 
 # The command line

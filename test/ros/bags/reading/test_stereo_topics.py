@@ -2,7 +2,7 @@
 import pytest
 
 from svdm_ros.bags.reading.recording import RecordingError, Topic
-from svdm_ros.bags.reading.stereo_topics import find_stereo_topics
+from svdm_ros.bags.reading.stereo_topics import find_side_by_side, find_stereo_topics
 
 KINDS = {'image': 'sensor_msgs/msg/Image', 'compressed': 'sensor_msgs/msg/CompressedImage',
          'info': 'sensor_msgs/msg/CameraInfo', 'disparity': 'stereo_msgs/msg/DisparityImage'}
@@ -71,3 +71,22 @@ def test_raw_images_come_first_where_they_are_wanted():
     both = topics(image='/left/image_raw /right/image_raw /left/image_rect /right/image_rect')
     assert find_stereo_topics(both).left == '/left/image_rect'
     assert find_stereo_topics(both, raw=True).left == '/left/image_raw'
+
+
+@pytest.mark.parametrize(('raw', 'wanted'), [(False, '/a/image_rect'), (True, '/a/image_raw')])
+def test_the_topic_of_both_views_is_found_with_the_camera_infos_below_it(raw, wanted):
+    found = find_side_by_side(topics(
+        image='/a/image_rect /a/image_raw', compressed='/a/image_rect/compressed /a/image_raw/compressed',
+        info='/a/camera_info /a/left/camera_info /a/right/camera_info'), raw=raw)
+    assert (found.left, found.right, found.infos) == (wanted, wanted, ['/a/left/camera_info', '/a/right/camera_info'])
+
+
+def test_several_topics_that_may_hold_both_views_are_listed():
+    there = topics(image='/a/image_raw /b/image_raw')
+    with pytest.raises(RecordingError, match=r'2 topics may hold .* --left: it holds /a/image_raw .*, /b/image_raw'):
+        find_side_by_side(there)
+    assert find_side_by_side(there, '/b/image_raw').right == '/b/image_raw'
+    with pytest.raises(RecordingError, match='no images on /c: there are images on /a/image_raw, /b/image_raw'):
+        find_side_by_side(there, '/c')
+    with pytest.raises(RecordingError, match='no images in it'):
+        find_side_by_side(topics(info='/camera_info'))

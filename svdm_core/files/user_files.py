@@ -8,13 +8,20 @@ from typing import Any
 
 import yaml
 
-_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-_SHOWN = 200
+from ..shown import cut, shown
+
 _KINDS = ((stat.S_ISDIR, 'a folder'), (stat.S_ISFIFO, 'a pipe (FIFO)'), (stat.S_ISSOCK, 'a socket'),
           (stat.S_ISCHR, 'a device'), (stat.S_ISBLK, 'a device'))
 _DEPTH = 32
 _SCALAR = 1000
 """Characters of an unquoted value: YAML turns these into numbers and dates, which takes time that grows faster."""
+
+
+class _Loader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):  # type: ignore[misc]
+    """Plain values; a matrix of OpenCV is the mapping that it is written as."""
+
+
+_Loader.add_constructor('tag:yaml.org,2002:opencv-matrix', _Loader.construct_yaml_map)
 
 
 class RefusedFileError(ValueError):
@@ -37,18 +44,6 @@ IMAGE = Limits(2**30)
 """For an image file or ground truth."""
 TIMES = Limits(64 * 2**20)
 """For the times of images: some million lines."""
-
-
-def shown(value: Any) -> str:
-    """How a message shows a value of a file: at most 200 characters of it, in one line."""
-    return cut(value, repr) if isinstance(value, str) else cut(repr(value))
-
-
-def cut(text: str, show: Any = str) -> str:
-    """A text as one line of at most 200 characters; what is left out is told."""
-    line = ' '.join(text[:4 * _SHOWN].split())
-    left_out = len(text) > 4 * _SHOWN or len(line) > _SHOWN
-    return f'{show(line[:_SHOWN])}{f"... ({len(text)} characters)" if left_out else ""}'
 
 
 def check_regular(path: Path, limits: Limits) -> None:
@@ -94,13 +89,13 @@ def parse_yaml(text: str, limits: Limits) -> Any:
     """
     _check_text(text, limits)
     try:
-        return yaml.load(text, _LOADER)
+        return yaml.load(text, _Loader)
     except yaml.YAMLError as error:
         raise RefusedFileError(f'no YAML: {cut(str(error))}') from None
     except RecursionError:
         raise RefusedFileError('no YAML: it is nested too deeply') from None
-    except ValueError as error:  # a date or a number that is none
-        raise RefusedFileError(cut(str(error))) from None
+    except (ValueError, LookupError, TypeError, AttributeError) as error:  # a date, number or truth value that is none
+        raise RefusedFileError(f'no YAML, a value is not of its kind: {cut(str(error))}') from None
 
 
 def _check_text(text: str, limits: Limits) -> None:
@@ -112,7 +107,7 @@ def _check_text(text: str, limits: Limits) -> None:
 
 def _check_events(text: str, limits: Limits) -> None:
     depth = values = 0
-    for event in yaml.parse(text, _LOADER):
+    for event in yaml.parse(text, _Loader):
         if anchor := getattr(event, 'anchor', None):
             raise RefusedFileError(f'the YAML has an anchor or alias, {cut(anchor)}: write the values out')
         if isinstance(event, yaml.CollectionStartEvent):
