@@ -14,7 +14,9 @@ from .stamp_rhythm import StampRhythm, usual_gap
 from .watchdog import rounded_up
 
 _SECONDS = 10
-"""How far back counts are compared; they are looked at once a second."""
+"""How far back the counts of images are compared; they are looked at once a second."""
+_SECONDS_BEHIND = 20
+"""The same of pairs that were superseded: a machine may be busy for a while."""
 _FEWEST = 20
 """Images or pairs in that time that say something."""
 _FEWEST_CHECKED = 30
@@ -108,7 +110,7 @@ class FallingBehind:
     """Pairs that newer ones replaced, as the matcher is slower than the camera."""
 
     def __init__(self) -> None:
-        self._counts: deque[Counts] = deque(maxlen=_SECONDS + 1)
+        self._counts: deque[Counts] = deque(maxlen=_SECONDS_BEHIND + 1)
         self._behind = _Lasting(0.3, 0.1)
 
     def check(self, counts: Counts, milliseconds: float, counting: bool) -> Shortfall:
@@ -119,11 +121,11 @@ class FallingBehind:
         self._counts.append(counts)
         pairs = counts.pairs - self._counts[0].pairs
         superseded = counts.superseded - self._counts[0].superseded
-        told = pairs >= _FEWEST and len(self._counts) > _SECONDS
+        told = pairs >= _FEWEST and len(self._counts) > _SECONDS_BEHIND
         text = ''
         if self._behind.update(superseded / pairs if told else 0.0):
-            text = (f'the node falls behind: {superseded} of {pairs} pairs in {_SECONDS} s were dropped for newer '
-                    f'ones, as a pair takes {milliseconds:.0f} ms: use preset fast, downscale or roi, or set '
+            text = (f'the node falls behind: {superseded} of {pairs} pairs in {_SECONDS_BEHIND} s were dropped for '
+                    f'newer ones, as a pair takes {milliseconds:.0f} ms: use preset fast, downscale or roi, or set '
                     'max_rate to what it can do')
         return Shortfall(Line('behind', text), 'the node keeps up again')
 

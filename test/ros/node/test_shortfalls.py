@@ -85,7 +85,7 @@ def behind(share, counting=True, seconds=30):
 
 def test_a_node_that_falls_behind_is_told_what_to_turn():
     texts = behind(0.68)
-    assert texts[5] == '' and texts[-1].startswith('the node falls behind: 204 of 300 pairs in 10 s')
+    assert texts[15] == '' and texts[-1].startswith('the node falls behind: 408 of 600 pairs in 20 s')
     assert 'takes 89 ms: use preset fast, downscale or roi, or set max_rate' in texts[-1]
 
 
