@@ -1,6 +1,6 @@
 # Needs Python 3.12 with pip (or uv), make and git; everything else is set up below this folder, once.
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint kernels pins clean
+.PHONY: help demo test lint kernels soak pins clean
 
 export UV_PYTHON_DOWNLOADS := never
 export PIP_ROOT_USER_ACTION := ignore
@@ -50,6 +50,9 @@ kernels: $(READY)
 lint: $(READY)  ## ruff, and mypy --strict
 	@"$(PYTHON)" -m ruff check .
 	@"$(PYTHON)" -m mypy
+
+soak: kernels  ## the node among hostile messages and requests (ARGS='--minutes 60 --seed 1'); not part of make test
+	@"$(PYTHON)" -m svdm_ros.soak $(ARGS)
 
 pins: $(READY)  ## renew requirements-dev.txt and requirements-uv.txt: newest versions, with hashes
 	@"$(UV)" pip compile --quiet --upgrade --universal --generate-hashes --no-header --no-annotate --python-version 3.12 \

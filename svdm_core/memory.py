@@ -1,6 +1,8 @@
 """What a pair takes in memory, compared with what is free before anything is allocated."""
 from __future__ import annotations
 
+import cv2
+
 from .cost_aggregation import stripe_trees
 from .disparity_optimization import semiglobal
 from .exact_route import exact_bytes, is_exact
@@ -8,6 +10,7 @@ from .kernels.stripes import rows_of
 from .kernels.wide import lanes_for, width_of
 from .parameters import MatcherParameters
 from .runtime.free_memory import free_memory
+from .shown import cut
 from .stripe_route import right_aggregation
 
 _PIXEL = 64
@@ -22,6 +25,17 @@ _TREES = 44
 
 class NotEnoughMemoryError(MemoryError):
     """A pair needs more memory than is free: nothing was allocated."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether it was raised as memory could not be had: by Python, numpy, or OpenCV, which has an error of its own."""
+    return isinstance(error, MemoryError) or (isinstance(error, cv2.error) and error.code == cv2.Error.StsNoMem)
+
+
+def lacking_text(error: BaseException) -> str:
+    """What an error for which `is_out_of_memory` holds says, in one line."""
+    text = error.err if isinstance(error, cv2.error) else str(error)
+    return cut(text) or 'the memory is used up'  # no text where another process took it meanwhile
 
 
 def needed_bytes(shape: tuple[int, ...], parameters: MatcherParameters, threads: int) -> int:
@@ -54,5 +68,5 @@ def check_memory(shape: tuple[int, ...], parameters: MatcherParameters, threads:
     return needed
 
 
-def in_gigabytes(size: int) -> str:
+def in_gigabytes(size: float) -> str:
     return f'{size / 1e9:.1f} GB'

@@ -78,7 +78,10 @@ def stereo_geometry(
     """
     if left is None or right is None:
         missing = [f'{side}/camera_info' for side, info in (('left', left), ('right', right)) if info is None]
-        return StereoGeometry(problem=f'no {" and no ".join(missing)} received: publish or remap it')
+        problem = f'no {" and no ".join(missing)} received: publish or remap it'
+        if baseline > 0:
+            problem += f'; the parameter baseline = {baseline:g} m is not enough, as camera_info has the focal length'
+        return StereoGeometry(problem=problem)
     try:
         left_projection = _projection(left, 'left', width, height)
         right_projection = _projection(right, 'right', width, height)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from svdm_core.files.image_headers import LARGEST as LARGEST
 from svdm_core.files.image_headers import check_size, declared_size, is_png_or_jpeg
+from svdm_core.memory import is_out_of_memory
 from svdm_core.shown import shown
 
 if TYPE_CHECKING:
@@ -43,7 +44,9 @@ def decode(message: CompressedImage) -> tuple[Pixels, str]:
     check_size(*size)
     try:
         pixels: Any = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:
+    except cv2.error as error:
+        if is_out_of_memory(error):
+            raise
         pixels = None
     if pixels is None:
         raise ValueError(f'its {data.size} bytes of format {shown(stored_format)} are a damaged or unusual image: '

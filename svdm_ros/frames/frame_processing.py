@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from svdm_core import DisparityResult, NotEnoughMemoryError, StereoMatcher
+from svdm_core.memory import is_out_of_memory, lacking_text
 
 from ..calibration.geometry import stereo_geometry
 from .filtering import known_pixels, nothing_left
@@ -55,6 +56,15 @@ class FrameProcessor:
     def process(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
         """Match one pair with `parameters`. Raises FrameError for anything that is wrong with the pair,
         NotEnoughMemoryError."""
+        try:
+            return self._processed(frame, parameters)
+        except Exception as error:
+            if not is_out_of_memory(error):
+                raise
+            raise NotEnoughMemoryError(
+                f'{lacking_text(error)}: set downscale, roi or fewer num_disparities') from None
+
+    def _processed(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
         left, right = self._views.of(frame)
         height, width = left.pixels.shape[:2]
         whole = stereo_geometry(left.info, right.info, width, height, parameters.baseline)
@@ -89,9 +99,6 @@ class FrameProcessor:
             return matcher.compute(pair.left, pair.right)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
-        except MemoryError as error:  # without a text where another process took it meanwhile
-            what = str(error) or 'the memory is used up'
-            raise NotEnoughMemoryError(f'{what}: set downscale, roi or fewer num_disparities') from None
 
     def _matcher_for(self, parameters: NodeParameters) -> StereoMatcher:
         if self._matcher is None or self._threads != parameters.num_threads:

@@ -45,6 +45,11 @@ class MatchedFrame:
         smallest = np.float32(matcher.min_disparity)
         return smallest - offset, smallest + np.float32(matcher.num_disparities - 1) - offset
 
+    @property
+    def checked_share(self) -> float:
+        """Share of the pixels that passed the left-right check, 0 .. 1."""
+        return int(np.count_nonzero(self.checked)) / self.checked.size
+
     @functools.cached_property
     def published(self) -> NDArray[np.float32]:
         """float32 (H, W), px: d = x_left - x_right - (cx_left - cx_right); 1 px below the message's min_disparity

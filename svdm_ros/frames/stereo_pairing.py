@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import math
 from collections import deque
 from collections.abc import Iterator
 from typing import Literal
@@ -31,9 +32,11 @@ class _Side[Image]:
     def __init__(self) -> None:
         self.stamps: list[int] = []
         self.images: list[Image] = []
+        self.sizes: list[int] = []
         self.newest: int | None = None
         self.paired_up_to: int | None = None
         self.unpaired = 0
+        self.beyond_memory = 0
         self._gaps: deque[int] = deque(maxlen=_GAPS_KEPT)
         self._seen: deque[int] = deque(maxlen=_STAMPS_KEPT)
 
@@ -55,6 +58,7 @@ class _Side[Image]:
         self.newest = self.paired_up_to = None
 
     def insert(self, stamp: int, image: Image, size: int) -> None:
+        """size: bytes of the image."""
         self._seen.append(stamp)
         if self.newest is None or stamp > self.newest:
             if self.newest is not None:
@@ -65,12 +69,19 @@ class _Side[Image]:
             return
         position = bisect.bisect_left(self.stamps, stamp)
         if position < len(self.stamps) and self.stamps[position] == stamp:
-            self.images[position] = image  # a stamp sent twice: the newer image counts
+            self.images[position], self.sizes[position] = image, size  # a stamp sent twice: the newer image counts
             self.unpaired += 1
             return
         self.stamps.insert(position, stamp)
         self.images.insert(position, image)
-        self.drop(len(self.stamps) - size)
+        self.sizes.insert(position, size)
+
+    def limit(self, count: int, most_bytes: float) -> None:
+        """Drop the oldest beyond `count` images, then the oldest beyond `most_bytes`, but never the last one."""
+        self.drop(len(self.stamps) - count)
+        while len(self.sizes) > 1 and sum(self.sizes) > most_bytes:
+            self.beyond_memory += 1
+            self._forget(1)
 
     def nearest(self, stamp: int) -> int | None:
         """Position of the stamp nearest to `stamp`, the earlier one of two; None where nothing waits."""
@@ -84,28 +95,34 @@ class _Side[Image]:
         """Remove and return one image; older ones can no longer be paired in order and are dropped."""
         self.paired_up_to = self.stamps[position]
         self.drop(position)
-        self.stamps.pop(0)
-        return self.images.pop(0)
+        image = self.images[0]
+        self._forget(1)
+        return image
 
     def drop(self, count: int) -> None:
         """Drop the `count` oldest as unpaired."""
         if count > 0:
             self.unpaired += count
-            del self.stamps[:count], self.images[:count]
+            self._forget(count)
+
+    def _forget(self, count: int) -> None:
+        del self.stamps[:count], self.images[:count], self.sizes[:count]
 
 
 class StereoPairer[Image]:
-    """Pairs the nearest stamps that are at most `tolerance_ns` apart; keeps at most `queue_size` images a side.
+    """Pairs the nearest stamps that are at most `tolerance_ns` apart; keeps at most `queue_size` images a side,
+    and of several no more than `most_bytes` bytes a side: the oldest go.
 
     Pairs come out in order of time and each image is used at most once. A pair comes out as soon as no image still to
     come can be a nearer partner: at once where the tolerance is below half the frame period, and with equal stamps.
     When the stamps of a side jump back, what was queued before the jump is paired as far as it can be, and dropped.
-    `tolerance_ns` and `queue_size` may be assigned at any time. `jumps` counts the jumps.
+    `tolerance_ns`, `queue_size` and `most_bytes` may be assigned at any time. `jumps` counts the jumps.
     """
 
-    def __init__(self, tolerance_ns: int = 0, queue_size: int = 10) -> None:
+    def __init__(self, tolerance_ns: int = 0, queue_size: int = 10, most_bytes: float = math.inf) -> None:
         self.tolerance_ns = tolerance_ns
         self.queue_size = queue_size
+        self.most_bytes = most_bytes
         self.jumps = 0
         self._left: _Side[Image] = _Side()
         self._right: _Side[Image] = _Side()
@@ -117,6 +134,11 @@ class StereoPairer[Image]:
         return {'left': self._left.unpaired, 'right': self._right.unpaired}
 
     @property
+    def beyond_memory(self) -> dict[SideName, int]:
+        """Images dropped as more than `most_bytes` waited, a side."""
+        return {'left': self._left.beyond_memory, 'right': self._right.beyond_memory}
+
+    @property
     def waiting(self) -> dict[SideName, int]:
         """Images in the queues, a side."""
         return {'left': len(self._left.stamps), 'right': len(self._right.stamps)}
@@ -126,15 +148,16 @@ class StereoPairer[Image]:
         gap, self._closest_gap_ns = self._closest_gap_ns, None
         return gap
 
-    def add(self, side: SideName, stamp_ns: int, image: Image) -> list[Pair[Image]]:
-        """Take in one image and return the pairs that are now certain, oldest first."""
+    def add(self, side: SideName, stamp_ns: int, image: Image, size: int = 0) -> list[Pair[Image]]:
+        """Take in one image of `size` bytes and return the pairs that are now certain, oldest first."""
         own, other = (self._left, self._right) if side == 'left' else (self._right, self._left)
         pairs = []
         if own.newest is not None and own.goes_back(stamp_ns):
             pairs = self.flush()
             self._restart(own, other, stamp_ns, own.newest)
         self._note_gap(other, stamp_ns)
-        own.insert(stamp_ns, image, self.queue_size)
+        own.insert(stamp_ns, image, size)
+        own.limit(self.queue_size, self.most_bytes)
         return pairs + list(self._settled_pairs(at_end=False))
 
     def flush(self) -> list[Pair[Image]]:

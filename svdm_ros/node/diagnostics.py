@@ -1,6 +1,7 @@
 """The counts as diagnostic_msgs/DiagnosticArray."""
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -38,6 +39,7 @@ def diagnostic_array(
         'published': str(counts.published),
         'defects': str(counts.defects),
         'rate (Hz)': f'{rate:.2f}',
+        **_checked(counts.checked),
         **more,
         **_latencies(counts.latencies),
         **{f'{stage} (ms)': f'{milliseconds:.1f}' for stage, milliseconds in counts.timings.items()},
@@ -47,6 +49,10 @@ def diagnostic_array(
     message = DiagnosticArray(status=[status])
     message.header.stamp = stamp
     return message
+
+
+def _checked(shares: tuple[float, ...]) -> dict[str, str]:
+    return {'left-right check passed (%)': f'{100 * statistics.fmean(shares):.0f}'} if shares else {}
 
 
 def _latencies(latencies: tuple[float, ...]) -> dict[str, str]:

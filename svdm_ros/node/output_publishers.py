@@ -11,11 +11,18 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
+from svdm_core import NotEnoughMemoryError
+from svdm_core.memory import in_gigabytes
+from svdm_core.runtime.free_memory import free_memory
+
 from ..frames.matched_frame import MatchedFrame
 from ..frames.messages import rclpy_types
 from ..frames.outputs import OUTPUTS, Output
 from .parameter_set import NodeParameters
 from .quality_of_service import OVERRIDABLE, Entity, opening, output_qos
+
+_COPIES = 3
+"""Of a message while it is published: in C, and serialized in a buffer that grows by doubling."""
 
 
 class OutputPublishers:
@@ -56,10 +63,14 @@ class OutputPublishers:
         return any(map(self._is_wanted, OUTPUTS))
 
     def publish(self, frame: MatchedFrame) -> None:
-        """From the worker's thread; `adapt` is called from another."""
+        """From the worker's thread; `adapt` is called from another.
+
+        Raises NotEnoughMemoryError where a message does not fit any more: those before it are out.
+        """
         for output in OUTPUTS:
             if output.when(frame.parameters) and self._is_wanted(output):
                 message = output.make(frame, rclpy_types())
+                _check_room(output.topic, message)
                 with self._lock:
                     if output in self._publishers:
                         self._publishers[output].publish(message)
@@ -67,6 +78,14 @@ class OutputPublishers:
     def _is_wanted(self, output: Output) -> bool:
         with self._lock:
             return output in self._publishers and self._publishers[output].get_subscription_count() > 0
+
+
+def _check_room(topic: str, message: Any) -> None:
+    """Raise NotEnoughMemoryError before DDS runs out of memory, which it does not always survive."""
+    size, free = len(getattr(getattr(message, 'image', message), 'data', b'')), free_memory()
+    if free is not None and _COPIES * size > free:
+        raise NotEnoughMemoryError(f'{topic} needs {in_gigabytes(_COPIES * size)} to be published, and '
+                                   f'{in_gigabytes(free)} are free: set downscale, roi or a larger point_stride')
 
 
 def _message_class(name: str) -> type:

@@ -1,6 +1,7 @@
 """Runs the node: rclpy up and down around it, what may be raised on the way, and the exit code."""
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import traceback
@@ -11,6 +12,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.utilities import ok, remove_ros_args, try_shutdown
 
+from svdm_core.memory import is_out_of_memory
 from svdm_core.runtime import configure
 from svdm_core.shown import line
 
@@ -21,6 +23,9 @@ from .usage import answer, check_ros_arguments
 
 _WRONG_SETTINGS = (ValueError, RuntimeError, ParameterException)
 """What a bad parameter, remapping or QoS override ends in while the node is made; rclpy has no common class for it."""
+
+_MOST_FAILURES = 1000
+"""In a row, until the node gives up: each message that cannot be taken is one."""
 
 _BAD_REQUEST = (ValueError, TypeError, AssertionError)
 """What rclpy raises of its own on a request or message that is malformed."""
@@ -67,23 +72,39 @@ def _run_node(signals: EndSignals) -> int:
 
 
 def _spin(node: DisparityNode) -> None:
-    """Until the context is shut down. Neither a malformed request nor a callback that fails ends the node."""
+    """Until the context is shut down. Neither a malformed request or message nor a callback that fails ends the node.
+    """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    failures = 0
     while executor.context.ok():
         try:
             executor.spin_once()
+            failures = 0
         except ExternalShutdownException:
             return
         except Exception as error:
             if not executor.context.ok():
                 return
-            if _is_ours(error):
-                node.report_defect('callback cut short', error)
-            elif isinstance(error, _BAD_REQUEST):
-                node.get_logger().error(f'a request was dropped: {line(error)}')
-            else:
+            failures += 1
+            if failures > _MOST_FAILURES:
                 raise
+            with contextlib.suppress(MemoryError):  # of the report itself
+                _report(node, error)
+
+
+def _report(node: DisparityNode, error: Exception) -> None:
+    """Say what the error has cost; raises one that is none of a callback, a request or a message."""
+    if is_out_of_memory(error):
+        node.report_no_memory('message dropped', error)
+    elif _is_ours(error):
+        node.report_defect('callback cut short', error)
+    elif isinstance(error, _BAD_REQUEST):
+        node.get_logger().error(f'a request was dropped: {line(error)}')
+    elif isinstance(error, RuntimeError):  # its text does not tell that an image did not fit into the memory
+        node.report_untaken(error)
+    else:
+        raise error
 
 
 def _is_ours(error: Exception) -> bool:

@@ -3,26 +3,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import threading
 from collections.abc import Callable
 
-from svdm_core.shown import line
+from .log_lines import Line
 
 _NS = 1e-9
-_MOST_LINES = 100
 _CLOCKS_DIFFER_NS = 1_000_000_000
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class Line:
-    """A line to log; lines of the same `kind` are about the same trouble."""
-
-    kind: str
-    text: str
-
-    def __post_init__(self) -> None:
-        # A traceback has several.
-        object.__setattr__(self, 'text', '\n'.join(map(line, self.text.split('\n')[:_MOST_LINES])))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -117,34 +103,13 @@ class Watchdog:
         text += f'are at least {gap:.6f} s apart, approximate_sync_tolerance is {tolerance:g} s: '
         if self._gap_ns >= _CLOCKS_DIFFER_NS:
             return text + 'synchronise the clocks of the two cameras'
-        return text + f'trigger the cameras together, or set approximate_sync_tolerance to {_rounded_up(gap):g}'
+        return text + f'trigger the cameras together, or set approximate_sync_tolerance to {rounded_up(gap):g}'
 
     def _left(self, traffic: Traffic) -> str:
         return f'{self._left_topic} ({_publishers(traffic.left_publishers)})'
 
     def _right(self, traffic: Traffic) -> str:
         return f'{self._right_topic} ({_publishers(traffic.right_publishers)})'
-
-
-class Throttle:
-    """Lets a line of each kind through at most once in `period` seconds. Safe to use from any thread."""
-
-    def __init__(self, period: float = 10.0) -> None:
-        self._period = period
-        self._lock = threading.Lock()
-        self._said: dict[str, float] = {}
-        self._held_back: dict[str, int] = {}
-
-    def admit(self, line: Line, now: float) -> str | None:
-        """The text to log at `now` (s), with the number of lines of its kind held back before; None: hold it back."""
-        with self._lock:
-            said = self._said.get(line.kind)
-            if said is not None and now - said < self._period:
-                self._held_back[line.kind] = self._held_back.get(line.kind, 0) + 1
-                return None
-            self._said[line.kind] = now
-            held_back = self._held_back.pop(line.kind, 0)
-        return f'{line.text} ({held_back} times more since the last such line)' if held_back else line.text
 
 
 def _with_hint(text: str, traffic: Traffic) -> str:
@@ -156,8 +121,8 @@ def _publishers(count: int) -> str:
     return f'{count} publisher' if count == 1 else f'{count} publishers'
 
 
-def _rounded_up(gap: float) -> float:
-    """One and a half times the gap, up to two digits: stamps jitter."""
+def rounded_up(gap: float) -> float:
+    """One and a half times a gap (s), up to two digits: stamps jitter."""
     wanted = 1.5 * gap
     unit = 10.0 ** (math.floor(math.log10(wanted)) - 1)
     return math.ceil(wanted / unit) * unit

@@ -1,6 +1,7 @@
 """The one thread that runs the matcher, fed through a mailbox that holds the newest job only."""
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -95,4 +96,5 @@ class Worker[Job]:
         try:
             work(*arguments)
         except Exception as error:  # the last barrier: a thread that dies of one frame would die silently
-            self._on_error(error)
+            with contextlib.suppress(MemoryError):
+                self._on_error(error)

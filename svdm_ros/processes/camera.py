@@ -8,6 +8,8 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -83,7 +85,15 @@ class Camera:
         return stamp
 
 
-def run(camera: Camera, rate: float, stop: threading.Event) -> None:
+class Sender(Protocol):
+    """What `run` and `serve` need of a camera; see Camera."""
+
+    def has_listeners(self) -> bool: ...
+    def wait(self, seconds: float) -> None: ...
+    def send(self, *, images: bool) -> int: ...
+
+
+def run(camera: Sender, rate: float, stop: threading.Event) -> None:
     """Send at `rate` Hz until `stop` is set or the parent is gone.
 
     Calibration only at first: images follow when every topic has had a listener for CALIBRATION_ONLY s, so that the
@@ -105,18 +115,23 @@ def run(camera: Camera, rate: float, stop: threading.Event) -> None:
     camera.wait(LINGER)
 
 
+def serve(make: Callable[[], Sender], rate: float) -> None:
+    """Make a camera, and run it until SIGINT or SIGTERM."""
+    stop = threading.Event()  # no exception: it could come between sending and counting
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    run(make(), rate, stop)
+    rclpy.shutdown()
+
+
 def main() -> None:
     """Entry of the process."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rate', type=float, default=10.0, help='pairs a second')
     parser.add_argument('--size', type=int, nargs=2, metavar=('W', 'H'), help='grey images of this size, px')
     options = parser.parse_args()
-    stop = threading.Event()  # no exception: it could come between sending and counting
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    run(Camera(tuple(options.size) if options.size else None), options.rate, stop)
-    rclpy.shutdown()
+    serve(lambda: Camera(tuple(options.size) if options.size else None), options.rate)
 
 
 if __name__ == '__main__':

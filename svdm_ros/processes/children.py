@@ -50,6 +50,14 @@ class Child:
             end = f'ended with exit code {code}' if code >= 0 else f'was killed by {signal.Signals(-code).name}'
             raise RunError(f'the {self.name} {end}{self.last_words()}')
 
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal."""
+        self._process.send_signal(number)
+
     def is_done(self) -> bool:
         """Whether it has ended as it should. RunError where it has ended otherwise."""
         if self._process.poll() != 0:

@@ -14,8 +14,8 @@ from svdm_ros.calibration.rectification import Rectification, unrectified_line
 from svdm_ros.frames.compressed import decode
 from svdm_ros.frames.image_conversion import image_to_array
 from svdm_ros.node.declared_parameters import unknown_parameter_line
+from svdm_ros.node.log_lines import Line
 from svdm_ros.node.parameter_set import NodeParameters, node_parameter_table
-from svdm_ros.node.watchdog import Line
 
 EVIL = 'evil\x1b[2J\x1b]0;title\x07\n\r\u202eFATAL'
 LONG = EVIL * 250_000  # 5 MB

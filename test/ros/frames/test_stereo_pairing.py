@@ -221,3 +221,15 @@ def test_a_pair_that_waits_when_time_jumps_back_is_not_lost():
     assert feed(pairer, once + later) == [Pair(33 * MS, 53 * MS, 20 * MS)]
     assert pairer.jumps == 1
     assert pairer.flush() == [Pair(-967 * MS, -947 * MS, 20 * MS)]
+
+
+@given(STREAM, st.integers(0, 100), st.integers(1, 12), st.integers(1, 40))
+def test_what_waits_is_bounded_in_bytes_but_for_the_newest(stream, tolerance_ms, queue_size, most):
+    pairer = StereoPairer(tolerance_ms * MS, queue_size, most_bytes=most)
+    pairs = []
+    for side, stamp in stream:
+        pairs += pairer.add(side, stamp, stamp, size=7)
+        assert all(count <= max(1, most // 7) for count in pairer.waiting.values())
+    for side in ('left', 'right'):
+        sent = sum(1 for name, _ in stream if name == side)
+        assert sent == len(pairs) + pairer.waiting[side] + pairer.unpaired[side] + pairer.beyond_memory[side]

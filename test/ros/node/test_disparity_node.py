@@ -214,6 +214,27 @@ def test_a_bad_pair_is_told_and_the_next_one_answered(client, told):
     client.exchange(*dots())
 
 
+def test_pairs_that_do_not_match_are_told_once_and_when_they_do_again(node, client):
+    left, right = dots()
+    for _ in range(2):
+        client.wait_for_trouble('of the pixels pass the left-right check', each=lambda: client.exchange(right, left))
+    assert float(client.diagnostics[-1]['left-right check passed (%)']) < 40
+    client.spin_until(lambda: 'most pixels pass the left-right check again' in node.log, 'the end of it',
+                      each=lambda: client.exchange(left, right))
+    assert node.log.count('of the pixels pass the left-right check') == 1
+
+
+def test_a_camera_info_of_the_images_own_stamp_is_taken_before_a_later_one(client):
+    second = client.next_second()
+    for side in ('left', 'right'):
+        info = camera_info(side)
+        info.header.stamp.sec, info.header.stamp.nanosec = second, 5000
+        client.publish(f'{side}/camera_info', info)
+    client.publish_infos(width=WIDTH // 2, height=HEIGHT // 2)
+    client.exchange_until(*dots(), lambda message: message.f == 2 * FOCAL_LENGTH, 'the later camera_info')
+    assert client.exchange(*dots(), second=second).f == FOCAL_LENGTH
+
+
 def test_a_bad_pair_gives_one_line_in_the_log(node, client):
     left, right = dots()
     right.height, right.data = 45, right.data[: 45 * WIDTH]

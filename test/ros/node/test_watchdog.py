@@ -1,9 +1,9 @@
-"""The lines that tell what is missing, and how often they are told."""
+"""The lines that tell what is missing."""
 import dataclasses
 
 import pytest
 
-from svdm_ros.node.watchdog import Line, Throttle, Traffic, Watchdog
+from svdm_ros.node.watchdog import Traffic, Watchdog
 
 IDLE = Traffic(left=0, right=0, pairs=0, left_publishers=0, right_publishers=0, closest_gap_ns=None, tolerance_ns=0)
 
@@ -74,18 +74,3 @@ def test_cameras_that_start_one_after_the_other_are_not_complained_of(pause):
 
     silence = [None] * 4 + ['nothing'] * (pause - 4) if pause else []
     assert kinds(run(late)) == silence + [None] * (20 - pause)
-
-
-def test_a_line_is_told_at_once_then_once_a_period_with_the_number_held_back():
-    throttle = Throttle(period=10.0)
-    told = [throttle.admit(Line('a', 'text'), float(second)) for second in range(21)]
-    assert {second: text for second, text in enumerate(told) if text} == {
-        0: 'text', 10: 'text (9 times more since the last such line)',
-        20: 'text (9 times more since the last such line)',
-    }
-
-
-def test_lines_of_different_kinds_do_not_hold_each_other_back():
-    throttle = Throttle(period=10.0)
-    assert throttle.admit(Line('a', 'first'), 0.0) == 'first'
-    assert throttle.admit(Line('b', 'second'), 0.0) == 'second'

@@ -108,7 +108,7 @@ def test_the_counts_add_up():
     statistics.count_drop('superseded')
     statistics.set_dropped('unpaired left', 1)
     statistics.set_dropped('unpaired right', 0)
-    statistics.count_published(0.025, {'total': 20.0})
+    statistics.count_published(0.025, {'total': 20.0}, 0.8)
     statistics.count_defect()
     counts = statistics.snapshot()
     assert counts.received == {'left': 2, 'right': 1}
@@ -125,7 +125,7 @@ def test_the_rate_is_over_the_time_between_two_looks():
 def test_diagnostics_tell_counts_rate_latency_and_trouble():
     statistics = FrameStatistics()
     for milliseconds in range(1, 101):
-        statistics.count_published(milliseconds / 1e3, {'total': 20.04})
+        statistics.count_published(milliseconds / 1e3, {'total': 20.04}, 0.8)
     statistics.count_drop('unreadable')
     counts, stamp = statistics.snapshot(), Time(sec=3)
     message = diagnostic_array('/node', stamp, counts, 9.5, ready=True, more={'features': '45'})

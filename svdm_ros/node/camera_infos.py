@@ -1,0 +1,74 @@
+"""camera_info of both cameras: the subscriptions, and which message belongs to an image."""
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo
+
+from .image_topics import SIDES
+from .quality_of_service import is_latched, latched_qos
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+
+    from ..frames.stereo_pairing import SideName
+
+_KEPT = 32
+"""A camera_info a side for each image of a backlog."""
+
+
+class CameraInfos:
+    """Those that came of late. Taken by one thread, read by any."""
+
+    def __init__(self) -> None:
+        self._infos: dict[SideName, tuple[CameraInfo, ...]] = {'left': (), 'right': ()}
+
+    def take(self, side: SideName, info: CameraInfo) -> None:
+        self._infos[side] = (info, *self._infos[side][:_KEPT - 1])  # a new tuple, as another thread may read this one
+
+    def latest(self, side: SideName) -> CameraInfo | None:
+        """The last one that came; None before there is one."""
+        return next(iter(self._infos[side]), None)
+
+    def of(self, side: SideName, stamp: Time) -> CameraInfo | None:
+        """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike."""
+        same = (info for info in self._infos[side] if info.header.stamp == stamp)
+        return next(same, self.latest(side))
+
+
+type Taker = Callable[[CameraInfo], None]
+
+
+class CameraInfoSubscriptions:
+    """Takes camera_info while it is wanted; what was latched before this node came as well."""
+
+    def __init__(self, node: Node, take: Callable[[SideName, CameraInfo], None],
+                 subscribe: Callable[[type[CameraInfo], str, Taker], Subscription]) -> None:
+        """subscribe: makes a subscription of a type and a name."""
+        self._node, self._take, self._subscribe = node, take, subscribe
+        self._subscriptions: dict[SideName, Subscription] = {}
+        self._latched: set[SideName] = set()
+
+    def begin(self) -> None:
+        for side in SIDES:
+            if side not in self._subscriptions:
+                self._subscriptions[side] = self._subscribe(
+                    CameraInfo, f'{side}/camera_info', partial(self._take, side))
+
+    def end(self, side: SideName) -> None:
+        if side in self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop(side))
+
+    def ask_for_latched(self, side: SideName) -> None:
+        """What was latched before this node came reaches only who asks for it, and who asks gets nothing else."""
+        name = f'{side}/camera_info'
+        publishers = self._node.get_publishers_info_by_topic(name)
+        if side not in self._latched and any(map(is_latched, publishers)):
+            self._latched.add(side)
+            self._node.create_subscription(CameraInfo, name, partial(self._take, side), latched_qos(),
+                                           event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))

@@ -1,0 +1,1 @@
+"""The node for minutes or hours among hostile messages and requests: `python -m svdm_ros.soak`."""
