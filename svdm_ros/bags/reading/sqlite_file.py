@@ -24,8 +24,9 @@ _COUNTS = 'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messag
 
 
 def log_of(path: Path) -> Path:
-    """Where SQLite keeps what it has not written into the file yet."""
-    return path.with_name(f'{path.name}-wal')
+    """Where SQLite keeps what it has not written into the file yet; beside the file itself where `path` is a symlink."""
+    file = path.resolve()
+    return file.with_name(f'{file.name}-wal')
 
 
 class SqliteFile:
@@ -38,6 +39,10 @@ class SqliteFile:
         self.start_ns = self.end_ns = 0
         log = log_of(path)
         self._has_log = log.exists()
+        beside = path.with_name(f'{path.name}-wal')
+        if not self._has_log and beside.exists():
+            raise DamageError(f'it is a symlink, and its log {beside.name} is not beside the file {path.resolve()}, where '
+                              'SQLite looks for it: copy both into one folder')
         if self._has_log:
             check_regular(log, Limits(sys.maxsize))
             self._has_log = log.stat().st_size > 0
@@ -64,7 +69,7 @@ class SqliteFile:
     def _connect(self) -> sqlite3.Connection:
         """Of a file that no one else writes to. Without locks SQLite needs no file of its own to read the log."""
         how = 'mode=ro&vfs=unix-none' if self._has_log else 'immutable=1'
-        database = sqlite3.connect(f'{self.path.absolute().as_uri()}?{how}', uri=True, isolation_level=None,
+        database = sqlite3.connect(f'{self.path.resolve().as_uri()}?{how}', uri=True, isolation_level=None,
                                    check_same_thread=False)
         database.setconfig(sqlite3.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, True)
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_BLOCK)

@@ -78,6 +78,20 @@ def test_the_write_ahead_log_is_read_and_nothing_is_written(plain, tmp_path, wri
     folder.chmod(0o755)
 
 
+def test_the_log_of_a_database_is_found_through_symlinks(plain, tmp_path):
+    folder = killed_recorder(tmp_path / 'bag', few(), 12)
+    links, link = tmp_path / 'links', tmp_path / 'other.db3'
+    links.mkdir()
+    for path in (links / 'a.db3', link):
+        path.symlink_to(folder / 'bag?#_0.db3')
+    assert contents(links) == contents(link) == plain
+    link.unlink()
+    (tmp_path / 'a-wal').write_bytes((folder / 'bag?#_0.db3-wal').read_bytes())
+    (folder / 'bag?#_0.db3-wal').unlink()
+    (links / 'a.db3-wal').symlink_to(tmp_path / 'a-wal')
+    assert 'its log a.db3-wal is not beside the file' in refused(links / 'a.db3')
+
+
 def test_a_log_that_is_no_file_is_refused(tmp_path):
     import os
     bag = write(tmp_path / 'bag', few(1), 'sqlite3')
