@@ -15,7 +15,7 @@ from .storage import Channel
 
 _USED = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage', 'sensor_msgs/msg/CameraInfo',
          'stereo_msgs/msg/DisparityImage')
-"""Types whose fields are asked for by name; messages of other types are handed on."""
+"""Types whose fields are asked for by name, images first; messages of other types are handed on."""
 _LONGEST = 2**18
 """Characters of a definition with all that it needs; those of ROS have some thousand."""
 _BETWEEN = '=' * 80 + '\n'
@@ -68,6 +68,12 @@ class RecordedTypes:
             except Exception:  # of a definition that is none, anything
                 return None
         return self._converters[name]
+
+
+def rank_of(channel: Channel) -> int:
+    """Place of its type among those that are used; behind them for all others."""
+    name = normalize_msgtype(channel.message_type)
+    return _USED.index(name) if name in _USED else len(_USED)
 
 
 def is_type(name: str) -> bool:
