@@ -41,8 +41,8 @@ class SqliteFile:
         self._has_log = log.exists()
         beside = path.with_name(f'{path.name}-wal')
         if not self._has_log and beside.exists():
-            raise DamageError(f'it is a symlink, and its log {beside.name} is not beside {path.resolve()}, where SQLite '
-                              'looks for it: copy both into one folder')
+            raise DamageError(f'it is a symlink, and its log {beside.name} is not beside {path.resolve()}, where '
+                              'SQLite looks for it: copy both into one folder')
         if self._has_log:
             check_regular(log, Limits(sys.maxsize))
             self._has_log = log.stat().st_size > 0
