@@ -179,11 +179,10 @@ def _readable(files: Mapping[Path, StorageFile], types: RecordedTypes) -> tuple[
     chosen = _chosen_types(one for file in files.values() for one in file.channels if not types.lacks(one))
     for path, storage in files.items():
         lines += [f'{path}: {line}' for line in storage.left_out]
-        lacking = [channel for channel in storage.channels if types.lacks(channel)]
-        lines += [f'{path}: left out: {shown(channel.topic)}, {channel.count} messages of type '
-                  f'{shown(channel.message_type)}, whose definition cannot be read, or is none of ROS 2'
-                  for channel in lacking]
-        kept = {one.id: one for one in storage.channels if one not in lacking}
+        lacking = {one.id: reason for one in storage.channels if (reason := types.lacks(one))}
+        lines += [f'{path}: left out: {shown(one.topic)}, {one.count} messages of type {shown(one.message_type)}, '
+                  f'{lacking[one.id]}' for one in storage.channels if one.id in lacking]
+        kept = {one.id: one for one in storage.channels if one.id not in lacking}
         others = [one for one in kept.values() if chosen[one.topic] != normalize_msgtype(one.message_type)]
         lines += [f'{path}: left out: {shown(one.topic)}, {one.count} messages of type {shown(one.message_type)}: the '
                   f'topic is read as {shown(chosen[one.topic])}, as it has several types' for one in others]

@@ -24,7 +24,7 @@ _COUNTS = 'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messag
 
 
 def log_of(path: Path) -> Path:
-    """Where SQLite keeps what it has not written into the file yet; beside the file itself where `path` is a symlink."""
+    """Where SQLite keeps what it has not written into the file yet; where `path` is a symlink, beside its target."""
     file = path.resolve()
     return file.with_name(f'{file.name}-wal')
 

@@ -140,6 +140,38 @@ def test_a_topic_of_two_types_is_read_as_the_one_that_is_used(plain, tmp_path, t
     assert f"left out: '{topic}', 1 messages of type 'std_msgs/msg/String': the topic is read as 'sensor_msgs/" in note
 
 
+def definition(fields, **nested):
+    parts = [fields, *(f'MSG: std_msgs/{name}\n{text}' for name, text in nested.items())]
+    return f'\n{"=" * 80}\n'.join(parts)
+
+
+@pytest.mark.parametrize('first', [False, True])
+def test_a_channel_that_defines_a_needed_type_otherwise_is_left_out(plain, tmp_path, first):
+    old = definition('std_msgs/Header header', Header='uint32 seq\nbuiltin_interfaces/Time stamp\nstring frame_id')
+    old += f'\n{"=" * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec'
+    channels, entries = with_another(('/c', 'a/msg/C', 'cdr', old), bytes(32))
+    if first:
+        channels.insert(0, channels.pop())
+        entries = [(number % len(channels) + 1, *rest) for number, *rest in entries]
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    assert contents(path) == plain
+    [note] = notes_of(path)
+    assert ("left out: '/c', 1 messages of type 'a/msg/C', which defines 'std_msgs/msg/Header' otherwise than ROS 2 "
+            'does') in note
+
+
+def test_of_two_definitions_of_one_name_the_first_is_read(plain, tmp_path):
+    channels, entries = with_another(('/c', 'a/msg/C', 'cdr', 'uint8 x'), b'\0\1\0\0\5')
+    channels += [('/d', 'a/msg/C', 'cdr', 'uint8[4] x'), ('/e', 'a/msg/C', 'cdr', 'uint8 x  # the same')]
+    entries += [(len(channels) - 1, entries[-1][1] + 1, bytes(8)), (len(channels), entries[-1][1] + 2, b'\0\1\0\0\6')]
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    found = contents(path)
+    assert found[:-2] == plain
+    assert [topic for topic, _, _ in found[-2:]] == ['/c', '/e']
+    [note] = notes_of(path)
+    assert "left out: '/d', 1 messages of type 'a/msg/C', which defines 'a/msg/C' otherwise than another topic" in note
+
+
 # metadata.yaml
 
 
