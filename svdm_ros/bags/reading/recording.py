@@ -89,7 +89,7 @@ class Recording:
         Streamed: no more than some chunks are in memory. Raises RecordingError where the recording is damaged, or
         where a file gives fewer messages than it tells of.
         """
-        part = (0 if start_ns is None else start_ns), (LAST_NS if stop_ns is None else stop_ns)
+        part = (0 if start_ns is None else start_ns), (LAST_NS + 1 if stop_ns is None else stop_ns)
         chosen = [(file, [one for one in file.channels.values() if topics is None or one.topic in topics])
                   for file in self._files]
         return merged((file.storage.start_ns, partial(self._read, file, channels, *part)) for file, channels in chosen

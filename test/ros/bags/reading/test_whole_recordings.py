@@ -117,6 +117,29 @@ def test_messages_of_other_encodings_in_a_database_are_left_out_and_told(plain, 
     assert f"left out: '{RIGHT}', 6 messages of encoding 'json'" in notes_of(bag)[0]
 
 
+@pytest.mark.parametrize('count', [3, 24])
+def test_messages_with_times_below_0_in_a_database_are_left_out_and_told(plain, tmp_path, count):
+    bag = write(tmp_path / 'bag', few(), 'sqlite3')
+    with sqlite3.connect(bag / 'bag.db3') as database:
+        database.execute('UPDATE messages SET timestamp = timestamp - ? WHERE id <= ?', (2 * stamp(0), count))
+    database.close()
+    (bag / 'metadata.yaml').unlink()
+    with open_recording(bag) as recording:
+        assert recording.start_ns == (plain[count][1] if count < len(plain) else 0)
+        assert len(list(recording.messages(start_ns=-2**63))) == len(plain) - count
+    assert contents(bag) == plain[count:]
+    assert notes_of(bag) == (f'{bag}: left out: {count} messages with recording times below 0',)
+
+
+@pytest.mark.parametrize('options', [{}, {'chunked': False}, None], ids=['mcap', 'no chunks', 'sqlite3'])
+def test_a_message_of_the_latest_time_is_read(plain, tmp_path, options):
+    messages = few()
+    messages[-1] = (messages[-1][0], 2**63 - 1, messages[-1][2])
+    path = (write(tmp_path / 'bag', messages, 'sqlite3') if options is None
+            else write_mcap(tmp_path / 'a.mcap', *cdr_entries(messages), **options))
+    assert contents(path) == [*plain[:-1], (plain[-1][0], 2**63 - 1, plain[-1][2])]
+
+
 # Types
 
 
