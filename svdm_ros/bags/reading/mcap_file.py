@@ -1,6 +1,7 @@
 """A .mcap file of a recording: by its summary where that tells of all its messages, else by a pass over all of it."""
 from __future__ import annotations
 
+import struct
 from array import array
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -28,6 +29,7 @@ from .mcap_records import (
     Schema,
     Statistics,
     channel_of,
+    check_summary,
     chunk_index_of,
     content_of,
     data_bounds,
@@ -60,6 +62,7 @@ class McapFile:
             with path.open('rb') as file:
                 begin, footer, summary = data_bounds(file)
                 if not self._reads_summary(file, summary, footer):
+                    self._schemas, self._channels = {}, {}  # of a summary that cannot be trusted
                     self._scan(file, begin, footer)
         except CutOffError as error:
             raise DamageError(f'the file is cut off ({error}): mend it with `mcap recover`, or copy it '
@@ -91,9 +94,20 @@ class McapFile:
         """Nothing is open but while messages are read."""
 
     def _reads_summary(self, file: BinaryIO, begin: int, end: int) -> bool:
-        """Whether there is a summary that tells where every message is that it counts, of every channel."""
+        """Whether there is a whole summary that tells where every message is that it counts, of every channel."""
         if not begin:
             return False
+        try:
+            check_summary(file, begin, end)
+            chunks, statistics = self._summary(file, begin, end)
+            is_complete = statistics is not None and self._is_complete(statistics, chunks)
+        except (ValueError, struct.error):  # damaged, but the data may be whole
+            return False
+        if is_complete:
+            self._chunks = sorted(chunks, key=lambda chunk: chunk.record.offset)
+        return is_complete
+
+    def _summary(self, file: BinaryIO, begin: int, end: int) -> tuple[list[Chunk], Statistics | None]:
         chunks, statistics = [], None
         for record in records(file, begin, end):
             if record.kind == CHUNK_INDEX:
@@ -102,10 +116,7 @@ class McapFile:
                 statistics = statistics_of(content_of(file, record))
             elif record.kind in (SCHEMA, CHANNEL):
                 self._note(record.kind, content_of(file, record))
-        if statistics is None or not self._is_complete(statistics, chunks):
-            return False
-        self._chunks = sorted(chunks, key=lambda chunk: chunk.record.offset)
-        return True
+        return chunks, statistics
 
     def _is_complete(self, statistics: Statistics, chunks: list[Chunk]) -> bool:
         counts: Counter[int] = Counter()

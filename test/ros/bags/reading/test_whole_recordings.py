@@ -3,6 +3,7 @@ import resource
 import shutil
 import sqlite3
 import struct
+import zlib
 
 import mcap_files
 import numpy as np
@@ -321,6 +322,75 @@ def test_a_type_that_is_used_and_has_other_fields_is_left_out(plain, tmp_path, w
     path = write_mcap(tmp_path / 'a.mcap', channels, entries)
     assert contents(path) == [entry for entry in plain if entry[0] != recordings.LEFT_INFO]
     assert f"left out: '{recordings.LEFT_INFO}', 6 messages of type" in notes_of(path)[0]
+
+
+def summary_of(data):
+    """Where the summary begins, and where the footer does."""
+    footer = len(data) - len(mcap_files.MAGIC) - 29
+    return struct.unpack_from('<Q', data, footer + 9)[0], footer
+
+
+def of_kind(data, kind):
+    """Where the content of the first record of this kind in the summary begins."""
+    at, footer = summary_of(data)
+    while at < footer:
+        found, size = struct.unpack_from('<BQ', data, at)
+        if found == kind:
+            return at + 9
+        at += 9 + size
+    raise AssertionError
+
+
+def put(kind, offset, new):
+    def damage(data):
+        at = of_kind(data, kind) + offset
+        data[at:at + len(new)] = new
+    return damage
+
+
+def wrong_text(data):
+    at = data.index(b'uint32 height', summary_of(data)[0])
+    data[at:at + 13] = b'uint32 heigQt'
+
+
+def other_start(value):
+    def damage(data):
+        struct.pack_into('<Q', data, summary_of(data)[1] + 9, value)
+    return damage
+
+
+SHOWN = {
+    'too long a record': put(mcap_files.SCHEMA, -8, b'\xff' * 4), 'too long a name': put(mcap_files.SCHEMA, 2, b'\xff'),
+    'no text': put(mcap_files.CHANNEL, 8, b'\xff'), 'too short': put(mcap_files.STATISTICS, -8, b'\x05'),
+    'counts': put(mcap_files.STATISTICS, 0, b'\x99'), 'no chunk there': put(mcap_files.CHUNK_INDEX, 16, b'\x99'),
+    'begins nowhere': other_start(2**40), 'begins in the data': other_start(100),
+    'begins in the header': other_start(1)}
+BY_CHECKSUM = {'another channel': put(mcap_files.CHANNEL, 8, b'/x'), 'fields': wrong_text}
+
+
+@pytest.mark.parametrize(('damage', 'checked'), [
+    *((damage, False) for damage in SHOWN.values()), *((damage, True) for damage in BY_CHECKSUM.values())],
+    ids=[*SHOWN, *BY_CHECKSUM])
+def test_a_damaged_summary_leaves_the_data_readable(plain, tmp_path, damage, checked):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()))
+    data = bytearray(path.read_bytes())
+    begin, footer = summary_of(data)
+    if checked:
+        struct.pack_into('<I', data, footer + 25, zlib.crc32(data[begin:footer + 25]))
+    damage(data)
+    path.write_bytes(data)
+    assert contents(path) == plain
+    assert notes_of(path) == ()
+
+
+def test_a_summary_with_its_checksum_is_gone_by(plain, tmp_path, monkeypatch):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()))
+    data = bytearray(path.read_bytes())
+    begin, footer = summary_of(data)
+    struct.pack_into('<I', data, footer + 25, zlib.crc32(data[begin:footer + 25]))
+    path.write_bytes(data)
+    monkeypatch.delattr('svdm_ros.bags.reading.mcap_file.McapFile._scan')
+    assert contents(path) == plain
 
 
 def test_fewer_messages_than_the_file_tells_of_are_told(tmp_path):
