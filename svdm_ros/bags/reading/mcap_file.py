@@ -81,13 +81,15 @@ class McapFile:
         held: list[int] = []
         with self.path.open('rb') as file:
             parts = [
-                (chunk.start_ns, partial(_chunk_messages, file, chunk.record, held)) for chunk in self._chunks
+                (chunk.start_ns, partial(_chunk_messages, file, chunk.record, channels, held))
+                for chunk in self._chunks
                 if chunk.start_ns < stop_ns and chunk.end_ns >= start_ns
                 and any(chunk.counts.get(channel) for channel in channels)]
             if self._loose.times:
-                parts.append((min(self._loose.times), partial(self._loose.messages, file, start_ns, stop_ns)))
+                parts.append((min(self._loose.times), partial(
+                    self._loose.messages, file, channels, start_ns, stop_ns)))
             for message in merged(parts):
-                if message.channel in channels and start_ns <= message.time_ns < stop_ns:
+                if start_ns <= message.time_ns < stop_ns:
                     yield message
 
     def close(self) -> None:
@@ -177,8 +179,10 @@ class McapFile:
         return read, left_out
 
 
-def _chunk_messages(file: BinaryIO, record: Record, held: list[int]) -> Iterator[StoredMessage]:
-    """The messages of a chunk in order of time; held: sizes of the chunks that are in memory."""
+def _chunk_messages(
+    file: BinaryIO, record: Record, channels: Collection[int], held: list[int]
+) -> Iterator[StoredMessage]:
+    """The messages of these channels in a chunk, in order of time; held: sizes of the chunks that are in memory."""
     data = unpacked_chunk(file, record)
     held.append(len(data))
     if sum(held) > _MOST_HELD:
@@ -186,7 +190,8 @@ def _chunk_messages(file: BinaryIO, record: Record, held: list[int]) -> Iterator
                          'it in order of time with `mcap sort`')
     found = [(*message_head(content), content) for kind, content in records_within(data) if kind == MESSAGE]
     for channel, time_ns, content in sorted(found, key=lambda one: one[1]):
-        yield StoredMessage(time_ns, channel, bytes(content[MESSAGE_HEAD:]))
+        if channel in channels:
+            yield StoredMessage(time_ns, channel, bytes(content[MESSAGE_HEAD:]))
     held.remove(len(data))
 
 
@@ -202,10 +207,12 @@ class _LooseMessages:
                                  (channel, time_ns, record.offset, record.size), strict=True):
             column.append(value)
 
-    def messages(self, file: BinaryIO, start_ns: int, stop_ns: int) -> Iterator[StoredMessage]:
-        """All of them in order of time; those out of the range may be left out."""
+    def messages(
+        self, file: BinaryIO, channels: Collection[int], start_ns: int, stop_ns: int
+    ) -> Iterator[StoredMessage]:
+        """Those of these channels in order of time; those out of the range may be left out."""
         times = np.asarray(self.times)
         for index in np.argsort(times, kind='stable'):
-            if start_ns <= times[index] < stop_ns:
+            if self.channels[index] in channels and start_ns <= times[index] < stop_ns:
                 content = content_of(file, Record(MESSAGE, self._offsets[index], self._sizes[index]))
                 yield StoredMessage(int(times[index]), self.channels[index], content[MESSAGE_HEAD:])
