@@ -14,8 +14,9 @@ from backports import zstd
 from mcap_files import cdr_entries, write_mcap
 from recordings import LEFT, MS, RIGHT, ROS1, contents, stamp, stereo, write, write_ros1
 
-from svdm_ros.bags.reading import unpacking
+from svdm_ros.bags.reading import mcap_file, unpacking
 from svdm_ros.bags.reading.recording import RecordingError, open_recording
+from svdm_ros.bags.reading.storage import StoredMessage
 
 ROOT = 'rosbag2_bagfile_information'
 
@@ -246,6 +247,16 @@ def test_what_the_files_hold_is_read_whatever_metadata_tells(plain, tmp_path, st
         assert re.search(f'^{bag}.*{note}', found[0]), found
 
 
+@pytest.mark.parametrize('storage', ['mcap', 'db3'])
+def test_a_file_that_metadata_does_not_name_is_told(plain, tmp_path, storage):
+    bag = write(tmp_path / 'bag', few(), {'db3': 'sqlite3'}.get(storage, storage))
+    for name in (f'bag_10.{storage}.zstd', f'bag_2.{storage}', 'notes.txt'):
+        (bag / name).write_bytes(b'')
+    assert contents(bag) == plain
+    assert notes_of(bag) == (f"{bag}: 2 files beside metadata.yaml are not read, the first 'bag_2.{storage}': it does "
+                             'not name them; to read all files, remove metadata.yaml',)
+
+
 def test_qos_of_metadata_is_that_of_the_topics(tmp_path):
     bag = write(tmp_path / 'bag', few(1))
     qos = [{'history': 1, 'depth': 5, 'reliability': 2, 'durability': 2, 'deadline': {'sec': 0, 'nsec': 0},
@@ -391,6 +402,20 @@ def test_a_summary_with_its_checksum_is_gone_by(plain, tmp_path, monkeypatch):
     path.write_bytes(data)
     monkeypatch.delattr('svdm_ros.bags.reading.mcap_file.McapFile._scan')
     assert contents(path) == plain
+
+
+@pytest.mark.parametrize('chunked', [True, False])
+def test_messages_of_other_topics_are_not_copied(tmp_path, monkeypatch, chunked):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()), chunked=chunked)
+    copied = []
+
+    def stored(time_ns, channel, data):
+        copied.append(channel)
+        return StoredMessage(time_ns, channel, data)
+
+    monkeypatch.setattr(mcap_file, 'StoredMessage', stored)
+    with open_recording(path) as recording:
+        assert len(list(recording.messages([LEFT]))) == len(copied) == 6
 
 
 def test_fewer_messages_than_the_file_tells_of_are_told(tmp_path):
