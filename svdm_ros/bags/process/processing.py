@@ -30,6 +30,8 @@ from .preview import write_preview
 from .summary import Progress, Summary
 from .threads import WriteBehind, read_ahead
 
+_FORMAT = 1
+"""Raised with every change of the messages that are written for the same recording and the same options."""
 _AHEAD = 8
 """Messages that are read ahead, and results that wait to be written."""
 _NOTES_TOLD = 3
@@ -245,12 +247,13 @@ def _expected(recording: Recording, topics: StereoTopics, start_ns: int, stop_ns
 
 def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
     """What the output depends on: only a run with the same may go on with a partial bag."""
-    log = log_of(job.input)
-    files = [job.input, *([log] if log.exists() else [])] if job.input.is_file() else sorted(
-        path for path in job.input.iterdir() if path.is_file())
+    files = [job.input] if job.input.is_file() else sorted(path for path in job.input.iterdir() if path.is_file())
+    logs = {log_of(path) for path in files} - {path.resolve() for path in files}
+    files += sorted(log for log in logs if log.exists())
     # The number of threads changes no message.
     parameters = {name: value for name, value in _as_dict(job.parameters).items() if name != 'num_threads'}
     return {
+        'version of the output format': _FORMAT,
         'recording': [[path.name, path.stat().st_size, path.stat().st_mtime_ns] for path in files],
         'topics': [topics.left, topics.right],
         'parameters': parameters,

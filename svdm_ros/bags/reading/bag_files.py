@@ -4,11 +4,12 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from svdm_core.files.user_files import Limits, check_regular
+from svdm_core.shown import shown
 
 from . import mcap_file, mcap_records, ros1_file, sqlite_file
 from .metadata import METADATA_FILE, BagMetadata, UnusableMetadataError, bag_metadata
@@ -52,7 +53,16 @@ def bag_files(path: Path) -> BagFiles:
     if missing := [file.name for file in files if not file.exists()]:
         raise RecordingError(f'{path}: {len(missing)} of its files are missing, the first {missing[0]}: metadata.yaml '
                              'names them; copy them too, or remove metadata.yaml')
-    return BagFiles(files, usable)
+    return BagFiles(files, usable, tuple(_unnamed(path, usable)))
+
+
+def _unnamed(folder: Path, metadata: BagMetadata) -> Iterator[str]:
+    """A line where there are recording files that metadata.yaml does not name."""
+    others = sorted((file for file in folder.iterdir() if _storage_suffix(file) in _SUFFIXES
+                     and file.name not in metadata.files), key=_number)
+    if others:
+        yield (f'{folder}: {len(others)} files beside metadata.yaml are not read, the first {shown(others[0].name)}: '
+               'it does not name them; to read all files, remove metadata.yaml')
 
 
 def _checked_file(path: Path) -> Path:

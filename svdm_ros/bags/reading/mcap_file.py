@@ -1,6 +1,7 @@
 """A .mcap file of a recording: by its summary where that tells of all its messages, else by a pass over all of it."""
 from __future__ import annotations
 
+import struct
 from array import array
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -28,6 +29,7 @@ from .mcap_records import (
     Schema,
     Statistics,
     channel_of,
+    check_summary,
     chunk_index_of,
     content_of,
     data_bounds,
@@ -60,6 +62,7 @@ class McapFile:
             with path.open('rb') as file:
                 begin, footer, summary = data_bounds(file)
                 if not self._reads_summary(file, summary, footer):
+                    self._schemas, self._channels = {}, {}  # of a summary that cannot be trusted
                     self._scan(file, begin, footer)
         except CutOffError as error:
             raise DamageError(f'the file is cut off ({error}): mend it with `mcap recover`, or copy it '
@@ -78,22 +81,35 @@ class McapFile:
         held: list[int] = []
         with self.path.open('rb') as file:
             parts = [
-                (chunk.start_ns, partial(_chunk_messages, file, chunk.record, held)) for chunk in self._chunks
+                (chunk.start_ns, partial(_chunk_messages, file, chunk.record, channels, held))
+                for chunk in self._chunks
                 if chunk.start_ns < stop_ns and chunk.end_ns >= start_ns
                 and any(chunk.counts.get(channel) for channel in channels)]
             if self._loose.times:
-                parts.append((min(self._loose.times), partial(self._loose.messages, file, start_ns, stop_ns)))
+                parts.append((min(self._loose.times), partial(
+                    self._loose.messages, file, channels, start_ns, stop_ns)))
             for message in merged(parts):
-                if message.channel in channels and start_ns <= message.time_ns < stop_ns:
+                if start_ns <= message.time_ns < stop_ns:
                     yield message
 
     def close(self) -> None:
         """Nothing is open but while messages are read."""
 
     def _reads_summary(self, file: BinaryIO, begin: int, end: int) -> bool:
-        """Whether there is a summary that tells where every message is that it counts, of every channel."""
+        """Whether there is a whole summary that tells where every message is that it counts, of every channel."""
         if not begin:
             return False
+        try:
+            check_summary(file, begin, end)
+            chunks, statistics = self._summary(file, begin, end)
+            is_complete = statistics is not None and self._is_complete(statistics, chunks)
+        except (ValueError, struct.error):  # damaged, but the data may be whole
+            return False
+        if is_complete:
+            self._chunks = sorted(chunks, key=lambda chunk: chunk.record.offset)
+        return is_complete
+
+    def _summary(self, file: BinaryIO, begin: int, end: int) -> tuple[list[Chunk], Statistics | None]:
         chunks, statistics = [], None
         for record in records(file, begin, end):
             if record.kind == CHUNK_INDEX:
@@ -102,10 +118,7 @@ class McapFile:
                 statistics = statistics_of(content_of(file, record))
             elif record.kind in (SCHEMA, CHANNEL):
                 self._note(record.kind, content_of(file, record))
-        if statistics is None or not self._is_complete(statistics, chunks):
-            return False
-        self._chunks = sorted(chunks, key=lambda chunk: chunk.record.offset)
-        return True
+        return chunks, statistics
 
     def _is_complete(self, statistics: Statistics, chunks: list[Chunk]) -> bool:
         counts: Counter[int] = Counter()
@@ -166,8 +179,10 @@ class McapFile:
         return read, left_out
 
 
-def _chunk_messages(file: BinaryIO, record: Record, held: list[int]) -> Iterator[StoredMessage]:
-    """The messages of a chunk in order of time; held: sizes of the chunks that are in memory."""
+def _chunk_messages(
+    file: BinaryIO, record: Record, channels: Collection[int], held: list[int]
+) -> Iterator[StoredMessage]:
+    """The messages of these channels in a chunk, in order of time; held: sizes of the chunks that are in memory."""
     data = unpacked_chunk(file, record)
     held.append(len(data))
     if sum(held) > _MOST_HELD:
@@ -175,7 +190,8 @@ def _chunk_messages(file: BinaryIO, record: Record, held: list[int]) -> Iterator
                          'it in order of time with `mcap sort`')
     found = [(*message_head(content), content) for kind, content in records_within(data) if kind == MESSAGE]
     for channel, time_ns, content in sorted(found, key=lambda one: one[1]):
-        yield StoredMessage(time_ns, channel, bytes(content[MESSAGE_HEAD:]))
+        if channel in channels:
+            yield StoredMessage(time_ns, channel, bytes(content[MESSAGE_HEAD:]))
     held.remove(len(data))
 
 
@@ -191,10 +207,12 @@ class _LooseMessages:
                                  (channel, time_ns, record.offset, record.size), strict=True):
             column.append(value)
 
-    def messages(self, file: BinaryIO, start_ns: int, stop_ns: int) -> Iterator[StoredMessage]:
-        """All of them in order of time; those out of the range may be left out."""
+    def messages(
+        self, file: BinaryIO, channels: Collection[int], start_ns: int, stop_ns: int
+    ) -> Iterator[StoredMessage]:
+        """Those of these channels in order of time; those out of the range may be left out."""
         times = np.asarray(self.times)
         for index in np.argsort(times, kind='stable'):
-            if start_ns <= times[index] < stop_ns:
+            if self.channels[index] in channels and start_ns <= times[index] < stop_ns:
                 content = content_of(file, Record(MESSAGE, self._offsets[index], self._sizes[index]))
                 yield StoredMessage(int(times[index]), self.channels[index], content[MESSAGE_HEAD:])

@@ -117,6 +117,15 @@ def data_bounds(file: BinaryIO) -> tuple[int, int, int]:
     return header.offset + header.size, footer, summary
 
 
+def check_summary(file: BinaryIO, begin: int, footer: int) -> None:
+    """Raise ValueError where the summary from `begin` to the footer is not as its checksum tells, if it has one."""
+    end = footer + _HEAD.size + 2 * _U64.size  # in the footer, where the checksum stands
+    file.seek(end)
+    [checksum] = _U32.unpack(file.read(_U32.size))
+    if begin > footer or (checksum and zlib.crc32(content_of(file, Record(FOOTER, begin, end - begin))) != checksum):
+        raise ValueError('the checksum of the summary is wrong')
+
+
 def records(file: BinaryIO, begin: int, end: int) -> Iterator[Record]:
     """The records between two places of the file."""
     while begin < end:

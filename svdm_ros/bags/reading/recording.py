@@ -5,7 +5,7 @@ import collections
 import contextlib
 import dataclasses
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from rosbags.typesys.msg import normalize_msgtype
 from svdm_core.shown import cut, shown
 
 from .bag_files import bag_files, opened_files
-from .message_types import RecordedTypes
+from .message_types import RecordedTypes, rank_of
 from .metadata import BagMetadata
 from .storage import LAST_NS, Channel, DamageError, StorageFile, merged, told
 from .storage import RecordingError as RecordingError
@@ -89,7 +89,7 @@ class Recording:
         Streamed: no more than some chunks are in memory. Raises RecordingError where the recording is damaged, or
         where a file gives fewer messages than it tells of.
         """
-        part = (0 if start_ns is None else start_ns), (LAST_NS if stop_ns is None else stop_ns)
+        part = (0 if start_ns is None else start_ns), (LAST_NS + 1 if stop_ns is None else stop_ns)
         chosen = [(file, [one for one in file.channels.values() if topics is None or one.topic in topics])
                   for file in self._files]
         return merged((file.storage.start_ns, partial(self._read, file, channels, *part)) for file, channels in chosen
@@ -176,14 +176,27 @@ def _check_counts(channels: list[Channel], counts: Counter[int]) -> None:
 def _readable(files: Mapping[Path, StorageFile], types: RecordedTypes) -> tuple[list[_File], list[str]]:
     """The files with the channels that can be read, and lines on the others."""
     readable, lines = [], []
+    chosen = _chosen_types(one for file in files.values() for one in file.channels if not types.lacks(one))
     for path, storage in files.items():
         lines += [f'{path}: {line}' for line in storage.left_out]
-        lacking = [channel for channel in storage.channels if types.lacks(channel)]
-        lines += [f'{path}: left out: {shown(channel.topic)}, {channel.count} messages of type '
-                  f'{shown(channel.message_type)}, whose definition cannot be read, or is none of ROS 2'
-                  for channel in lacking]
-        readable.append(_File(path, storage, {one.id: one for one in storage.channels if one not in lacking}))
+        lacking = {one.id: reason for one in storage.channels if (reason := types.lacks(one))}
+        lines += [f'{path}: left out: {shown(one.topic)}, {one.count} messages of type {shown(one.message_type)}, '
+                  f'{lacking[one.id]}' for one in storage.channels if one.id in lacking]
+        kept = {one.id: one for one in storage.channels if one.id not in lacking}
+        others = [one for one in kept.values() if chosen[one.topic] != normalize_msgtype(one.message_type)]
+        lines += [f'{path}: left out: {shown(one.topic)}, {one.count} messages of type {shown(one.message_type)}: the '
+                  f'topic is read as {shown(chosen[one.topic])}, as it has several types' for one in others]
+        readable.append(_File(path, storage, {key: one for key, one in kept.items() if one not in others}))
     return readable, lines
+
+
+def _chosen_types(channels: Iterable[Channel]) -> dict[str, str]:
+    """The type that each topic is read as: one with messages, one that is used, the first."""
+    by_topic: dict[str, list[Channel]] = {}
+    for channel in channels:
+        by_topic.setdefault(channel.topic, []).append(channel)
+    return {topic: normalize_msgtype(min(found, key=lambda one: (not one.count, rank_of(one))).message_type)
+            for topic, found in by_topic.items()}
 
 
 def _topics(files: Sequence[_File], qos: Mapping[str, tuple[Qos, ...]]) -> Iterator[Topic]:

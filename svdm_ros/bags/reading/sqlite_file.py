@@ -12,7 +12,7 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from svdm_core.files.user_files import Limits, check_regular
 
-from .storage import Channel, DamageError, StoredMessage, left_out_line, qos_of
+from .storage import LAST_NS, Channel, DamageError, StoredMessage, left_out_line, qos_of
 from .unpacking import LARGEST_BLOCK
 
 MAGIC = b'SQLite format 3\0'
@@ -20,12 +20,15 @@ _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinition
 _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
 _TABLES = ('SELECT count(*) FROM sqlite_master WHERE type = "table" AND name IN ("messages", "topics") '
            'AND sql NOT LIKE "%virtual table%"')
-_COUNTS = 'SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages GROUP BY topic_id'
+_COUNTS = ('SELECT topic_id, count(*), min(timestamp), max(timestamp) FROM messages WHERE (timestamp < 0) IS NOT 1 '
+           'GROUP BY topic_id')
+_BEFORE_0 = 'SELECT count(*) FROM messages WHERE timestamp < 0'
 
 
 def log_of(path: Path) -> Path:
-    """Where SQLite keeps what it has not written into the file yet."""
-    return path.with_name(f'{path.name}-wal')
+    """Where SQLite keeps what it has not written into the file yet; where `path` is a symlink, beside its target."""
+    file = path.resolve()
+    return file.with_name(f'{file.name}-wal')
 
 
 class SqliteFile:
@@ -38,6 +41,10 @@ class SqliteFile:
         self.start_ns = self.end_ns = 0
         log = log_of(path)
         self._has_log = log.exists()
+        beside = path.with_name(f'{path.name}-wal')
+        if not self._has_log and beside.exists():
+            raise DamageError(f'it is a symlink, and its log {beside.name} is not beside {path.resolve()}, where '
+                              'SQLite looks for it: copy both into one folder')
         if self._has_log:
             check_regular(log, Limits(sys.maxsize))
             self._has_log = log.stat().st_size > 0
@@ -51,7 +58,7 @@ class SqliteFile:
             # Contents are fetched one by one: a file without an index is sorted, and that would go through all of them.
             rows = database.execute(
                 f'SELECT rowid, timestamp, topic_id FROM messages WHERE topic_id IN ({wanted}) AND timestamp >= ? '
-                'AND timestamp < ? ORDER BY timestamp, rowid', (max(start_ns, -2**63), min(stop_ns, 2**63 - 1)))
+                'AND timestamp <= ? ORDER BY timestamp, rowid', (max(start_ns, 0), min(stop_ns - 1, LAST_NS)))
             for row, time_ns, channel in rows:
                 [data] = database.execute('SELECT data FROM messages WHERE rowid = ?', (row,)).fetchone()
                 if not isinstance(time_ns, int) or not isinstance(data, bytes):
@@ -64,7 +71,7 @@ class SqliteFile:
     def _connect(self) -> sqlite3.Connection:
         """Of a file that no one else writes to. Without locks SQLite needs no file of its own to read the log."""
         how = 'mode=ro&vfs=unix-none' if self._has_log else 'immutable=1'
-        database = sqlite3.connect(f'{self.path.absolute().as_uri()}?{how}', uri=True, isolation_level=None,
+        database = sqlite3.connect(f'{self.path.resolve().as_uri()}?{how}', uri=True, isolation_level=None,
                                    check_same_thread=False)
         database.setconfig(sqlite3.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, True)
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_BLOCK)
@@ -78,6 +85,9 @@ class SqliteFile:
         counts: dict[Any, tuple[int, int, int]] = {row[0]: row[1:] for row in database.execute(_COUNTS)}
         if not all(isinstance(time_ns, int) for _, *times in counts.values() for time_ns in times):
             raise ValueError('times of messages are no integers')
+        if counts:
+            self.start_ns = min(start for _, start, _ in counts.values())
+            self.end_ns = max(end for _, _, end in counts.values()) + 1
         definitions = _definitions(database)
         for channel, topic, message_type, encoding, qos in _topics(database):
             count = counts.pop(channel, (0, 0, 0))[0]
@@ -89,9 +99,9 @@ class SqliteFile:
         if counts:
             self.left_out.append(f'left out: {sum(row[0] for row in counts.values())} messages of topics that the file '
                                  'does not name')
-        start, end = database.execute('SELECT min(timestamp), max(timestamp) FROM messages').fetchone()
-        if start is not None:
-            self.start_ns, self.end_ns = start, end + 1
+        [before] = database.execute(_BEFORE_0).fetchone()
+        if before:
+            self.left_out.append(f'left out: {before} messages with recording times below 0')
 
 
 def _columns(database: sqlite3.Connection, table: str) -> set[str]:

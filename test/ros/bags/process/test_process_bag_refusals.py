@@ -30,6 +30,7 @@ from recordings import (
 )
 
 from svdm_core import MatcherParameters
+from svdm_ros.bags.process import processing
 from svdm_ros.bags.reading import pair_stream
 from svdm_ros.bags.writing import partial_bag
 
@@ -131,6 +132,9 @@ def test_a_full_disk_keeps_what_is_done_and_the_next_run_goes_on(bag, run, tmp_p
     assert 'out.partial: cannot be written: File too large; make room, then the same command goes on' in told
     assert len(messages_of(tmp_path / 'out.partial', DISPARITY)) == 5
     assert 'out.partial: 5 disparities' in told
+    with monkeypatch.context() as earlier:
+        earlier.setattr(processing, '_FORMAT', 0)
+        assert 'out.partial was begun with another version of the output format' in run(bag, code=2)
     run(bag)
     assert contents(tmp_path / 'out') == contents(tmp_path / 'expected')
 

@@ -3,6 +3,7 @@ import resource
 import shutil
 import sqlite3
 import struct
+import zlib
 
 import mcap_files
 import numpy as np
@@ -13,8 +14,9 @@ from backports import zstd
 from mcap_files import cdr_entries, write_mcap
 from recordings import LEFT, MS, RIGHT, ROS1, contents, stamp, stereo, write, write_ros1
 
-from svdm_ros.bags.reading import unpacking
+from svdm_ros.bags.reading import mcap_file, unpacking
 from svdm_ros.bags.reading.recording import RecordingError, open_recording
+from svdm_ros.bags.reading.storage import StoredMessage
 
 ROOT = 'rosbag2_bagfile_information'
 
@@ -78,6 +80,20 @@ def test_the_write_ahead_log_is_read_and_nothing_is_written(plain, tmp_path, wri
     folder.chmod(0o755)
 
 
+def test_the_log_of_a_database_is_found_through_symlinks(plain, tmp_path):
+    folder = killed_recorder(tmp_path / 'bag', few(), 12)
+    links, link = tmp_path / 'links', tmp_path / 'other.db3'
+    links.mkdir()
+    for path in (links / 'a.db3', link):
+        path.symlink_to(folder / 'bag?#_0.db3')
+    assert contents(links) == contents(link) == plain
+    link.unlink()
+    (tmp_path / 'a-wal').write_bytes((folder / 'bag?#_0.db3-wal').read_bytes())
+    (folder / 'bag?#_0.db3-wal').unlink()
+    (links / 'a.db3-wal').symlink_to(tmp_path / 'a-wal')
+    assert 'its log a.db3-wal is not beside ' in refused(links / 'a.db3')
+
+
 def test_a_log_that_is_no_file_is_refused(tmp_path):
     import os
     bag = write(tmp_path / 'bag', few(1), 'sqlite3')
@@ -101,6 +117,84 @@ def test_messages_of_other_encodings_in_a_database_are_left_out_and_told(plain, 
     database.close()
     assert contents(bag) == [entry for entry in plain if entry[0] != RIGHT]
     assert f"left out: '{RIGHT}', 6 messages of encoding 'json'" in notes_of(bag)[0]
+
+
+@pytest.mark.parametrize('count', [3, 24])
+def test_messages_with_times_below_0_in_a_database_are_left_out_and_told(plain, tmp_path, count):
+    bag = write(tmp_path / 'bag', few(), 'sqlite3')
+    with sqlite3.connect(bag / 'bag.db3') as database:
+        database.execute('UPDATE messages SET timestamp = timestamp - ? WHERE id <= ?', (2 * stamp(0), count))
+    database.close()
+    (bag / 'metadata.yaml').unlink()
+    with open_recording(bag) as recording:
+        assert recording.start_ns == (plain[count][1] if count < len(plain) else 0)
+        assert len(list(recording.messages(start_ns=-2**63))) == len(plain) - count
+    assert contents(bag) == plain[count:]
+    assert notes_of(bag) == (f'{bag}: left out: {count} messages with recording times below 0',)
+
+
+@pytest.mark.parametrize('options', [{}, {'chunked': False}, None], ids=['mcap', 'no chunks', 'sqlite3'])
+def test_a_message_of_the_latest_time_is_read(plain, tmp_path, options):
+    messages = few()
+    messages[-1] = (messages[-1][0], 2**63 - 1, messages[-1][2])
+    path = (write(tmp_path / 'bag', messages, 'sqlite3') if options is None
+            else write_mcap(tmp_path / 'a.mcap', *cdr_entries(messages), **options))
+    assert contents(path) == [*plain[:-1], (plain[-1][0], 2**63 - 1, plain[-1][2])]
+
+
+# Types
+
+
+def with_another(channel, data):
+    """Channels and entries of `few`, with one message of one more channel."""
+    channels, entries = cdr_entries(few())
+    entries.append((len(channels) + 1, entries[-1][1] + 1, data))
+    return [*channels, channel], entries
+
+
+@pytest.mark.parametrize('first', [False, True])
+@pytest.mark.parametrize('topic', [LEFT, recordings.LEFT_INFO])
+def test_a_topic_of_two_types_is_read_as_the_one_that_is_used(plain, tmp_path, topic, first):
+    channels, entries = with_another((topic, 'std_msgs/msg/String', 'cdr', 'string data'), b'\0\1\0\0\2\0\0\0a\0')
+    if first:
+        channels.insert(0, channels.pop())
+        entries = [(number % len(channels) + 1, *rest) for number, *rest in entries]
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    assert contents(path) == plain
+    [note] = notes_of(path)
+    assert f"left out: '{topic}', 1 messages of type 'std_msgs/msg/String': the topic is read as 'sensor_msgs/" in note
+
+
+def definition(fields, **nested):
+    parts = [fields, *(f'MSG: std_msgs/{name}\n{text}' for name, text in nested.items())]
+    return f'\n{"=" * 80}\n'.join(parts)
+
+
+@pytest.mark.parametrize('first', [False, True])
+def test_a_channel_that_defines_a_needed_type_otherwise_is_left_out(plain, tmp_path, first):
+    old = definition('std_msgs/Header header', Header='uint32 seq\nbuiltin_interfaces/Time stamp\nstring frame_id')
+    old += f'\n{"=" * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec'
+    channels, entries = with_another(('/c', 'a/msg/C', 'cdr', old), bytes(32))
+    if first:
+        channels.insert(0, channels.pop())
+        entries = [(number % len(channels) + 1, *rest) for number, *rest in entries]
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    assert contents(path) == plain
+    [note] = notes_of(path)
+    assert ("left out: '/c', 1 messages of type 'a/msg/C', which defines 'std_msgs/msg/Header' otherwise than ROS 2 "
+            'does') in note
+
+
+def test_of_two_definitions_of_one_name_the_first_is_read(plain, tmp_path):
+    channels, entries = with_another(('/c', 'a/msg/C', 'cdr', 'uint8 x'), b'\0\1\0\0\5')
+    channels += [('/d', 'a/msg/C', 'cdr', 'uint8[4] x'), ('/e', 'a/msg/C', 'cdr', 'uint8 x  # the same')]
+    entries += [(len(channels) - 1, entries[-1][1] + 1, bytes(8)), (len(channels), entries[-1][1] + 2, b'\0\1\0\0\6')]
+    path = write_mcap(tmp_path / 'a.mcap', channels, entries)
+    found = contents(path)
+    assert found[:-2] == plain
+    assert [topic for topic, _, _ in found[-2:]] == ['/c', '/e']
+    [note] = notes_of(path)
+    assert "left out: '/d', 1 messages of type 'a/msg/C', which defines 'a/msg/C' otherwise than another topic" in note
 
 
 # metadata.yaml
@@ -151,6 +245,16 @@ def test_what_the_files_hold_is_read_whatever_metadata_tells(plain, tmp_path, st
     if note:
         import re
         assert re.search(f'^{bag}.*{note}', found[0]), found
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'db3'])
+def test_a_file_that_metadata_does_not_name_is_told(plain, tmp_path, storage):
+    bag = write(tmp_path / 'bag', few(), {'db3': 'sqlite3'}.get(storage, storage))
+    for name in (f'bag_10.{storage}.zstd', f'bag_2.{storage}', 'notes.txt'):
+        (bag / name).write_bytes(b'')
+    assert contents(bag) == plain
+    assert notes_of(bag) == (f"{bag}: 2 files beside metadata.yaml are not read, the first 'bag_2.{storage}': it does "
+                             'not name them; to read all files, remove metadata.yaml',)
 
 
 def test_qos_of_metadata_is_that_of_the_topics(tmp_path):
@@ -229,6 +333,89 @@ def test_a_type_that_is_used_and_has_other_fields_is_left_out(plain, tmp_path, w
     path = write_mcap(tmp_path / 'a.mcap', channels, entries)
     assert contents(path) == [entry for entry in plain if entry[0] != recordings.LEFT_INFO]
     assert f"left out: '{recordings.LEFT_INFO}', 6 messages of type" in notes_of(path)[0]
+
+
+def summary_of(data):
+    """Where the summary begins, and where the footer does."""
+    footer = len(data) - len(mcap_files.MAGIC) - 29
+    return struct.unpack_from('<Q', data, footer + 9)[0], footer
+
+
+def of_kind(data, kind):
+    """Where the content of the first record of this kind in the summary begins."""
+    at, footer = summary_of(data)
+    while at < footer:
+        found, size = struct.unpack_from('<BQ', data, at)
+        if found == kind:
+            return at + 9
+        at += 9 + size
+    raise AssertionError
+
+
+def put(kind, offset, new):
+    def damage(data):
+        at = of_kind(data, kind) + offset
+        data[at:at + len(new)] = new
+    return damage
+
+
+def wrong_text(data):
+    at = data.index(b'uint32 height', summary_of(data)[0])
+    data[at:at + 13] = b'uint32 heigQt'
+
+
+def other_start(value):
+    def damage(data):
+        struct.pack_into('<Q', data, summary_of(data)[1] + 9, value)
+    return damage
+
+
+SHOWN = {
+    'too long a record': put(mcap_files.SCHEMA, -8, b'\xff' * 4), 'too long a name': put(mcap_files.SCHEMA, 2, b'\xff'),
+    'no text': put(mcap_files.CHANNEL, 8, b'\xff'), 'too short': put(mcap_files.STATISTICS, -8, b'\x05'),
+    'counts': put(mcap_files.STATISTICS, 0, b'\x99'), 'no chunk there': put(mcap_files.CHUNK_INDEX, 16, b'\x99'),
+    'begins nowhere': other_start(2**40), 'begins in the data': other_start(100),
+    'begins in the header': other_start(1)}
+BY_CHECKSUM = {'another channel': put(mcap_files.CHANNEL, 8, b'/x'), 'fields': wrong_text}
+
+
+@pytest.mark.parametrize(('damage', 'checked'), [
+    *((damage, False) for damage in SHOWN.values()), *((damage, True) for damage in BY_CHECKSUM.values())],
+    ids=[*SHOWN, *BY_CHECKSUM])
+def test_a_damaged_summary_leaves_the_data_readable(plain, tmp_path, damage, checked):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()))
+    data = bytearray(path.read_bytes())
+    begin, footer = summary_of(data)
+    if checked:
+        struct.pack_into('<I', data, footer + 25, zlib.crc32(data[begin:footer + 25]))
+    damage(data)
+    path.write_bytes(data)
+    assert contents(path) == plain
+    assert notes_of(path) == ()
+
+
+def test_a_summary_with_its_checksum_is_gone_by(plain, tmp_path, monkeypatch):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()))
+    data = bytearray(path.read_bytes())
+    begin, footer = summary_of(data)
+    struct.pack_into('<I', data, footer + 25, zlib.crc32(data[begin:footer + 25]))
+    path.write_bytes(data)
+    monkeypatch.delattr('svdm_ros.bags.reading.mcap_file.McapFile._scan')
+    assert contents(path) == plain
+
+
+@pytest.mark.parametrize('chunked', [True, False])
+def test_messages_of_other_topics_are_not_copied(tmp_path, monkeypatch, chunked):
+    path = write_mcap(tmp_path / 'a.mcap', *cdr_entries(few()), chunked=chunked)
+    copied = []
+
+    def stored(time_ns, channel, data):
+        copied.append(channel)
+        return StoredMessage(time_ns, channel, data)
+
+    monkeypatch.setattr(mcap_file, 'StoredMessage', stored)
+    with open_recording(path) as recording:
+        assert len(list(recording.messages([LEFT]))) == len(copied) == 6
 
 
 def test_fewer_messages_than_the_file_tells_of_are_told(tmp_path):
