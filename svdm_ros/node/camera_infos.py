@@ -1,6 +1,8 @@
 """camera_info of both cameras: the subscriptions, and which message belongs to an image."""
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
@@ -20,25 +22,39 @@ if TYPE_CHECKING:
 
 _KEPT = 32
 """A camera_info a side for each image of a backlog."""
+_PATIENCE = 0.1  # s
 
 
 class CameraInfos:
-    """Those that came of late. Taken by one thread, read by any."""
+    """Those that came of late. Taken by one thread, asked for by another."""
 
     def __init__(self) -> None:
-        self._infos: dict[SideName, tuple[CameraInfo, ...]] = {'left': (), 'right': ()}
+        self._infos: dict[SideName, deque[CameraInfo]] = {side: deque(maxlen=_KEPT) for side in SIDES}
+        self._stamped_alike = dict.fromkeys(SIDES, False)
+        self._came = threading.Condition()
 
     def take(self, side: SideName, info: CameraInfo) -> None:
-        self._infos[side] = (info, *self._infos[side][:_KEPT - 1])  # a new tuple, as another thread may read this one
+        with self._came:
+            self._infos[side].appendleft(info)
+            self._came.notify()
 
     def latest(self, side: SideName) -> CameraInfo | None:
         """The last one that came; None before there is one."""
-        return next(iter(self._infos[side]), None)
+        with self._came:
+            return next(iter(self._infos[side]), None)
 
     def of(self, side: SideName, stamp: Time) -> CameraInfo | None:
-        """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike."""
-        same = (info for info in self._infos[side] if info.header.stamp == stamp)
-        return next(same, self.latest(side))
+        """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike.
+
+        Where the image before had its own, it is waited for, 0.1 s at most: in a backlog, images may be taken before it.
+        """
+        with self._came:
+            patience = _PATIENCE if self._stamped_alike[side] else 0.0
+            self._stamped_alike[side] = self._came.wait_for(lambda: self._same(side, stamp) is not None, patience)
+            return self._same(side, stamp) or next(iter(self._infos[side]), None)
+
+    def _same(self, side: SideName, stamp: Time) -> CameraInfo | None:
+        return next((info for info in self._infos[side] if info.header.stamp == stamp), None)
 
 
 type Taker = Callable[[CameraInfo], None]

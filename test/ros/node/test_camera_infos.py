@@ -1,4 +1,7 @@
 """Which camera_info belongs to an image of a backlog."""
+import threading
+import time
+
 from builtin_interfaces.msg import Time
 from node_bench import camera_info
 
@@ -27,3 +30,22 @@ def test_few_are_kept():
         infos.take('left', stamped(second, width=second))
     assert infos.of('left', Time(sec=60)).width == 99
     assert infos.of('left', Time(sec=70)).width == 70
+
+
+def test_it_is_waited_for_where_the_image_before_had_its_own():
+    infos = CameraInfos()
+    infos.take('left', stamped(1, width=101))
+    assert infos.of('left', Time(sec=1)).width == 101
+    late = threading.Timer(0.02, infos.take, ['left', stamped(2, width=102)])
+    late.start()
+    assert infos.of('left', Time(sec=2)).width == 102
+    late.join()
+
+
+def test_a_driver_that_stamps_it_otherwise_is_waited_for_once_at_most():
+    infos = CameraInfos()
+    infos.take('left', stamped(1, width=101))
+    infos.of('left', Time(sec=1))
+    start = time.monotonic()
+    assert [infos.of('left', Time(sec=second)).width for second in range(2, 12)] == [101] * 10
+    assert 0.09 < time.monotonic() - start < 0.5
