@@ -46,7 +46,7 @@ class CameraInfos:
     def of(self, side: SideName, stamp: Time) -> CameraInfo | None:
         """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike.
 
-        Where the image before had its own, it is waited for, 0.1 s at most: in a backlog, images may be taken before it.
+        Where the image before had its own, it is waited for, 0.1 s at most: in a backlog, images may be taken first.
         """
         with self._came:
             patience = _PATIENCE if self._stamped_alike[side] else 0.0
