@@ -32,6 +32,7 @@ from recordings import (
 from svdm_core import MatcherParameters
 from svdm_ros.bags.process import processing
 from svdm_ros.bags.reading import pair_stream
+from svdm_ros.bags.reading.stereo_topics import StereoTopics
 from svdm_ros.bags.writing import partial_bag
 
 pytest_plugins = ['process_bag_fixtures']
@@ -264,3 +265,20 @@ def test_it_runs_where_no_ros_is(bag, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
     assert len(messages_of(tmp_path / 'out', DISPARITY)) == 5
+
+
+@pytest.mark.parametrize('give_folder', [True, False])
+def test_the_log_behind_a_symlink_is_part_of_what_the_output_depends_on(tmp_path, give_folder):
+    (tmp_path / 'real').mkdir()
+    (tmp_path / 'links').mkdir()
+    link, log = tmp_path / 'links' / 'a.db3', tmp_path / 'real' / 'b.db3-wal'
+    (tmp_path / 'real' / 'b.db3').write_bytes(b'')
+    link.symlink_to(tmp_path / 'real' / 'b.db3')
+    job = processing.Job(link.parent if give_folder else link, tmp_path / 'out')
+
+    def recording():
+        return processing._settings(job, StereoTopics(LEFT, RIGHT))['recording']
+
+    assert [entry[:2] for entry in recording()] == [['a.db3', 0]]
+    log.write_bytes(b'log')
+    assert [entry[:2] for entry in recording()] == [['a.db3', 0], ['b.db3-wal', 3]]
