@@ -330,6 +330,6 @@ def _give_up(writer: BagWriter) -> None:
 def _check_same(folder: Path, stored: dict[str, Any], settings: dict[str, Any]) -> None:
     changed = sorted(name for name in {*stored, *settings} if stored.get(name) != settings.get(name))
     if changed:
-        raise ValueError(f'{folder} was begun with other values of {", ".join(changed)}: give the same again to go on, '
+        raise ValueError(f'{folder} was begun with a different {", ".join(changed)}: give the same again to go on, '
                          '--force to begin anew, or name another output')
 

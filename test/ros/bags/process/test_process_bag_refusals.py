@@ -135,7 +135,7 @@ def test_a_full_disk_keeps_what_is_done_and_the_next_run_goes_on(bag, run, tmp_p
     assert 'out.partial: 5 disparities' in told
     with monkeypatch.context() as earlier:
         earlier.setattr(processing, '_FORMAT', 0)
-        assert 'out.partial was begun with another version of the output format' in run(bag, code=2)
+        assert 'out.partial was begun with a different version of the output format' in run(bag, code=2)
     run(bag)
     assert contents(tmp_path / 'out') == contents(tmp_path / 'expected')
 

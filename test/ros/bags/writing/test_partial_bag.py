@@ -125,7 +125,7 @@ def test_other_settings_are_refused_unless_it_is_begun_anew(tmp_path, messages, 
     with open_partial(output, TOPICS, SETTINGS, force=False) as bag:
         fill(bag, messages[:20])
     other = {'alpha': 4.0}
-    with (pytest.raises(ValueError, match=r'out\.partial was begun with other values of alpha: .*--force'),
+    with (pytest.raises(ValueError, match=r'out\.partial was begun with a different alpha: .*--force'),
           open_partial(output, TOPICS, other, force=False)):
         pass
     with open_partial(output, TOPICS, other, force=True) as bag:
