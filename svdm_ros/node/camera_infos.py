@@ -43,10 +43,14 @@ class CameraInfos:
         with self._came:
             return next(iter(self._infos[side]), None)
 
+    def latest_of_both(self) -> list[CameraInfo | None]:
+        """The last one of each side."""
+        return [self.latest(side) for side in SIDES]
+
     def of(self, side: SideName, stamp: Time) -> CameraInfo | None:
         """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike.
 
-        Where the image before had its own, it is waited for, 0.1 s at most: in a backlog, images may be taken before it.
+        Where the image before had its own, it is waited for, 0.1 s at most: in a backlog, images are taken before it.
         """
         with self._came:
             patience = _PATIENCE if self._stamped_alike[side] else 0.0
