@@ -1,5 +1,6 @@
 """The soak: what is chance follows from the seed, how is counted, and a run that finds a planted fault."""
 import random
+import re
 import subprocess
 import sys
 
@@ -78,7 +79,7 @@ import sys
 from svdm_ros.soak import run
 from svdm_ros.soak.__main__ import main
 
-run._CALM, run._STOPPED = 1.5, 0.3
+run._CALM, run._STOPPED, run._VARIATIONS = 1.5, 0.3, ({},)
 right = run.expected_answers
 def planted(parameters):
     answers = right(parameters)
@@ -96,5 +97,5 @@ def test_a_short_run_finds_a_planted_fault_and_no_other():
     kinds = [line for line in run.stderr.splitlines() if line.startswith('soak: ')]
     assert len(kinds) == 1 and kinds[0].startswith('soak: another answer than offline')
     assert 'image.data of pair' in run.stderr
-    compared, wrong = (int(run.stdout.split(' compared')[0].split()[place]) for place in (-1, -3))
+    wrong, compared = map(int, re.search(r'wrong (\d+) of (\d+) compared', run.stdout).groups())
     assert 0 < wrong < compared / 2
