@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     table = Table(*COLUMNS, title=f'seed {options.seed}, {options.rate:g} pairs a second')
     for row in rows(soak.tally):
         table.add_row(*row)
-    Console(width=100).print(table)
+    Console(width=110).print(table)
     for kind, texts in soak.tally.faults.items():
         print(f'soak: {kind}, {len(texts)} times:', *texts[:_FAULTS_SHOWN], sep='\n    ', file=sys.stderr)
     print(verdict(soak.tally))

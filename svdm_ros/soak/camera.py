@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ..processes.camera import camera_info_message, image_message, serve
-from .good_pairs import COUNT, SIZE, frame_id, good_pairs
+from .good_pairs import COUNT, SIZE, frame_id, good_pairs, hostile_calibrations_come
 from .hostile_messages import MAKERS, hostile_bytes
 
 _JUMP = 0.002
@@ -73,7 +73,8 @@ class SoakCamera:
         self._publishers[side, type(message)].publish(message)
 
     def _publish_hostile(self) -> None:
-        kind = self._chance.choice(list(MAKERS))
+        kinds = [kind for kind in MAKERS if kind is not CameraInfo or hostile_calibrations_come(time.time_ns())]
+        kind = self._chance.choice(kinds)
         message = MAKERS[kind](self._chance)
         data = hostile_bytes(self._chance, message) if self._chance.random() < _RAW else message
         sides = self._chance.choice((['left'], ['right'], ['left', 'right']))

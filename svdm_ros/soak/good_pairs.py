@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -21,6 +22,9 @@ COUNT = 4
 SIZE = (320, 240)
 """Width and height, px."""
 _SEPARATOR = ' '
+_CYCLE, _HOSTILE, _SURE = 20, 10, 12
+"""s: hostile calibrations come in the first ten of twenty seconds; from the twelfth on, a right one has surely come."""
+_BY_CALIBRATION = frozenset(('f', 't', 'min_disparity', 'max_disparity', 'image.data'))
 
 
 @functools.cache
@@ -54,6 +58,20 @@ def _fields(message: DisparityImage) -> dict[str, Any]:
              for name in message.image.get_fields_and_field_types() if name != 'header'}
     return image | {name: getattr(message, name) for name in message.get_fields_and_field_types()
                     if name not in ('header', 'image')}
+
+
+def hostile_calibrations_come(sent_ns: int) -> bool:
+    """Whether at this time (wall clock, ns).
+
+    A calibration may be lost or late, as any message, and the node then has to take the latest that came: so there are
+    times in which all that come are right.
+    """
+    return sent_ns // 10**9 % _CYCLE < _HOSTILE
+
+
+def may_have_other_calibration(sent_ns: int, wrong: Sequence[str]) -> bool:
+    """Whether fields of an answer may differ as another calibration came last."""
+    return sent_ns // 10**9 % _CYCLE < _SURE and {'f', 't'} & set(wrong) != set() and set(wrong) <= _BY_CALIBRATION
 
 
 def frame_id(number: int, pair: int, sent_ns: int) -> str:

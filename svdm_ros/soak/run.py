@@ -25,7 +25,7 @@ from ..processes.camera import SENT
 from ..processes.children import Child, RunError, isolated_environment
 from ..processes.dds_profile import write_profile
 from ..processes.session import Session
-from .good_pairs import differing, expected_answers, parse_frame_id
+from .good_pairs import differing, expected_answers, may_have_other_calibration, parse_frame_id
 from .requests import outcome, request
 from .tally import Tally
 
@@ -97,7 +97,9 @@ class Listener(Session):
         if self._expected is not None and sent >= self._since:
             minute.compared += 1
             wrong = differing(message, self._expected[pair])
-            if wrong:
+            if may_have_other_calibration(sent, wrong):
+                minute.other_calibration += 1
+            elif wrong:
                 minute.wrong += 1
                 self._tally.fault('another answer than offline', f'{", ".join(wrong)} of pair {number}')
 

@@ -8,19 +8,24 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 _MEGABYTE = 1e6
+_MOST_OTHER = 0.02
+"""Share of the answers compared that may have another calibration."""
 _SETTLING = 1 / 3
 """Share of the time at the beginning in which memory may grow."""
 
 
 @dataclasses.dataclass(slots=True)
 class Minute:
-    """Of one minute. latencies: ms from the sending of a pair to its answer, while nothing was stopped. rss: bytes of
-    the node, sample by sample."""
+    """Of one minute. other_calibration: of those compared, answers with a hostile calibration that came last.
+    latencies: ms from the sending of a pair to its answer, while nothing was stopped. rss: bytes of the node, sample by
+    sample.
+    """
 
     sent: int = 0
     answered: int = 0
     wrong: int = 0
     compared: int = 0
+    other_calibration: int = 0
     requests: int = 0
     latencies: list[float] = dataclasses.field(default_factory=list)
     rss: list[int] = dataclasses.field(default_factory=list)
@@ -64,11 +69,14 @@ class Tally:
 
     @property
     def is_well(self) -> bool:
-        """Whether nothing was wrong, and something was compared."""
-        return not self.faults and self.deaths == 0 and self.total('wrong') == 0 and self.total('compared') > 0
+        """Whether nothing was wrong, something was compared, and nearly all of it had its own calibration."""
+        lost = self.total('other_calibration') / max(self.total('compared'), 1)
+        return (not self.faults and self.deaths == 0 and self.total('wrong') == 0 and self.total('compared') > 0
+                and lost <= _MOST_OTHER)
 
 
-COLUMNS = ('minute', 'sent', 'answered', 'compared', 'wrong', 'requests', 'p99 (ms)', 'RSS (MB)')
+_COUNTS = ('sent', 'answered', 'compared', 'other_calibration', 'wrong', 'requests')
+COLUMNS = ('minute', 'sent', 'answered', 'compared', 'other info', 'wrong', 'requests', 'p99 (ms)', 'RSS (MB)')
 
 
 def rows(tally: Tally) -> Iterator[Sequence[str]]:
@@ -76,7 +84,7 @@ def rows(tally: Tally) -> Iterator[Sequence[str]]:
     for number, minute in enumerate(tally.minutes):
         yield _row(str(number + 1), minute, f'{minute.p99:.0f}')
     whole = Minute(rss=[size for _, size in tally.samples])
-    for name in ('sent', 'answered', 'wrong', 'compared', 'requests'):
+    for name in _COUNTS:
         setattr(whole, name, tally.total(name))
     yield _row('all', whole, '')
 
@@ -89,5 +97,4 @@ def verdict(tally: Tally) -> str:
 
 def _row(name: str, minute: Minute, p99: str) -> Sequence[str]:
     rss = f'{statistics.median(minute.rss) / _MEGABYTE:.0f}' if minute.rss else ''
-    return (name, *(str(value) for value in (
-        minute.sent, minute.answered, minute.compared, minute.wrong, minute.requests)), p99, rss)
+    return (name, *(str(getattr(minute, count)) for count in _COUNTS), p99, rss)

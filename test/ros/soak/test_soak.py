@@ -10,7 +10,12 @@ from rclpy.serialization import serialize_message
 
 from svdm_ros.node.parameter_set import NodeParameters
 from svdm_ros.soak.__main__ import main
-from svdm_ros.soak.good_pairs import frame_id, parse_frame_id
+from svdm_ros.soak.good_pairs import (
+    frame_id,
+    hostile_calibrations_come,
+    may_have_other_calibration,
+    parse_frame_id,
+)
 from svdm_ros.soak.hostile_messages import MAKERS, hostile_bytes
 from svdm_ros.soak.requests import outcome, request
 from svdm_ros.soak.tally import COLUMNS, Minute, Tally, rows, verdict
@@ -47,6 +52,15 @@ def test_an_answer_is_known_by_its_frame_id():
     assert [parse_frame_id(text) for text in ('', 'camera', 'good 1 2', 'good 1 2 x', 'bad 1 2 3')] == [None] * 5
 
 
+@pytest.mark.parametrize(('second', 'wrong', 'may'), [
+    (3, ['f', 't', 'image.data'], True), (11, ['f'], True), (13, ['f', 't'], False), (3, ['image.data'], False),
+    (3, ['f', 'delta_d'], False), (3, [], False),
+])
+def test_only_where_hostile_calibrations_come_may_an_answer_have_another(second, wrong, may):
+    assert may_have_other_calibration((400 + second) * 10**9, wrong) is may
+    assert hostile_calibrations_come((400 + second) * 10**9) is (second < 10)
+
+
 def well():
     tally = Tally(minutes=[Minute(sent=10, answered=9, compared=8, latencies=[10.0] * 9, rss=[100])] * 2)
     tally.samples = [(float(second), 200_000_000 + 1000 * second) for second in range(300)]
@@ -65,6 +79,9 @@ def test_the_verdict():
     assert verdict(tally) == ('deaths 0, wrong 0 of 16 compared, faults 0, RSS +3.6 MB an hour after the first third')
     tally.fault('half-applied', 'alpha')
     assert not tally.is_well
+    many = well()
+    many.minutes[0].other_calibration = 1
+    assert not many.is_well
     assert not Tally().is_well  # nothing was compared
 
 
