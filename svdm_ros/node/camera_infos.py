@@ -43,6 +43,10 @@ class CameraInfos:
         with self._came:
             return next(iter(self._infos[side]), None)
 
+    def latest_of_both(self) -> list[CameraInfo | None]:
+        """The last one of each side."""
+        return [self.latest(side) for side in SIDES]
+
     def of(self, side: SideName, stamp: Time) -> CameraInfo | None:
         """The one with the stamp of the image; where there is none, the latest: not every driver stamps it alike.
 

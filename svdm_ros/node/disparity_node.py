@@ -1,10 +1,7 @@
 """The disparity node: left and right image_rect and camera_info in, disparity, depth, points and more out."""
 from __future__ import annotations
 
-import dataclasses
-import math
 import time
-import traceback
 from collections.abc import Callable
 from functools import partial
 
@@ -17,21 +14,19 @@ from rclpy.qos import qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
 
-from svdm_core.memory import is_out_of_memory, lacking_text
-
 from ..calibration.rectification import unrectified_line
-from ..frames.frame_processing import FrameProcessor
 from ..frames.outputs import OUTPUTS
-from ..frames.row_offsets import RectificationCheck
 from ..frames.stereo_pairing import SideName
-from ..frames.views import FrameError, StereoFrame
+from ..frames.views import StereoFrame
 from .camera_infos import CameraInfos, CameraInfoSubscriptions
 from .declared_parameters import DeclaredParameters, unknown_parameter_line
 from .diagnostics import diagnostic_array
+from .failures import Failures
 from .frame_statistics import FrameCounts, FrameStatistics, Rate
 from .image_pairing import ImagePairing, stamp_ns
 from .image_topics import SIDES, ImageTopics, all_image_topics, other_topics_hint
 from .log_lines import Line, LogLines
+from .matching import Matching
 from .output_publishers import OutputPublishers
 from .parameter_set import NodeParameters
 from .quality_of_service import (
@@ -45,14 +40,11 @@ from .quality_of_service import (
 )
 from .shortfalls import Counts, FailedMatches, FallingBehind, LostImages
 from .watchdog import Traffic, Watchdog
-from .worker import Worker
 
 type AnyImage = Image | CompressedImage
 
 _STATUS_PERIOD = 1.0
 """Seconds between two diagnostics, and between two looks of the watchdog."""
-_INFO_PATIENCE = 2.0
-"""Seconds from the first pair on in which camera_info is not missed yet."""
 
 
 class DisparityNode(Node):
@@ -68,10 +60,8 @@ class DisparityNode(Node):
         self._log = LogLines(self.get_logger())
         self._dropped_before = 0
         self._infos = CameraInfos()
-        self._first_pair, self._early = math.inf, Line('', '')
         self._pairing = ImagePairing(self._log)
         self._wired = False
-        self._compiling = self._hint = ''
         overrides = self._override_names()
         self._settings = DeclaredParameters(self, self._use_parameters, overrides)
         self._use_parameters(self._settings.current)
@@ -84,12 +74,9 @@ class DisparityNode(Node):
         self._outputs = OutputPublishers(self, self._report_incompatible, self._heed_listeners)
         self._outputs.adapt(self._settings.current)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 1)
-        self._rectification = RectificationCheck()
-        self._processor = FrameProcessor(self._report_compiling, self._rectification)
-        self._worker: Worker[StereoFrame] = Worker(
-            self._warm_up, self._process, self._statistics.count_drop, self._report_failure,
-            lambda: self._settings.current.period
-        )
+        self.failures = Failures(self._statistics, self._log)
+        self._matching = Matching(self._log, self._statistics, self._infos, self._outputs.publish,
+                                  lambda: self._settings.current, self.context.ok)
         # The executor takes what has come in this order: calibration first, so that the first pair has it.
         self._info_subscriptions = CameraInfoSubscriptions(self, self._infos.take, self._subscribe)
         self._info_subscriptions.begin()
@@ -99,28 +86,11 @@ class DisparityNode(Node):
         self._rate = Rate(time.monotonic())
         # Not the node's clock: with use_sim_time and no /clock it stands still, and silence is what is to be told.
         self.create_timer(_STATUS_PERIOD, self._watch, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._worker.start()
+        self._matching.start()
 
     def close(self) -> bool:
         """Stop the worker; False if it is still busy (compiling, or with a large image)."""
-        return self._worker.stop(timeout=0.3)
-
-    def report_defect(self, what: str, error: Exception) -> None:
-        """Count and log an exception that nothing accounts for, with its traceback. From any thread."""
-        self._statistics.count_defect()
-        details = ''.join(traceback.format_exception(error))
-        self._log.complain(Line(what, f'{what} by a defect of this node, please report it: {details}'))
-
-    def report_no_memory(self, what: str, error: Exception) -> None:
-        """Count and log what was lost as memory was used up. From any thread."""
-        self._statistics.count_drop('no memory')
-        self._log.complain(Line('no memory', f'{what}: {lacking_text(error)}'))
-
-    def report_untaken(self, error: Exception) -> None:
-        """Count and log a message that rclpy could not make of what came."""
-        self._statistics.count_drop('not taken')
-        self._log.complain(Line('not taken', f'message dropped, rclpy cannot take it: {lacking_text(error)}: look at '
-                                             'its size, and how much memory is free'))
+        return self._matching.stop(timeout=0.3)
 
     # Set-up
 
@@ -222,16 +192,14 @@ class DisparityNode(Node):
 
     def _submit(self, left: AnyImage, right: AnyImage) -> None:
         self._statistics.count_pair()
-        now = time.monotonic()
-        self._first_pair = min(self._first_pair, now)
-        self._worker.submit(StereoFrame(left, right, None, None, now, raw=self._topics.input == 'raw'))
+        self._matching.submit(StereoFrame(left, right, None, None, time.monotonic(), raw=self._topics.input == 'raw'))
 
     def _watch(self) -> None:
         for reason, count in self._pairing.dropped.items():
             self._statistics.set_dropped(reason, count)
         counts = self._statistics.snapshot()
         self._heed_listeners()
-        watching = self._image_subscriptions and self._worker.ready
+        watching = self._image_subscriptions and self._matching.warm
         line = None if not watching else self._watchdog.check(time.monotonic(), Traffic(
             left=counts.received['left'],
             right=counts.received['right'],
@@ -242,7 +210,7 @@ class DisparityNode(Node):
             tolerance_ns=self._pairing.tolerance_ns,
             hint=lambda: other_topics_hint(self._topics, self._types_on),
         ))
-        rows = self._rectification.line(time.monotonic())
+        rows = self._matching.rectification.line(time.monotonic())
         if line is None and rows and self._image_subscriptions:
             line = Line('rows', rows)
         if line is not None:
@@ -256,8 +224,8 @@ class DisparityNode(Node):
         rate = self._rate.update(counts.published, time.monotonic())
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate,
-            self._worker.ready and not self._compiling, self._log.trouble, idle=not self._image_subscriptions,
-            more=self._rectification.values(),
+            not self._matching.compiling, self._log.trouble, idle=not self._image_subscriptions,
+            more=self._matching.rectification.values(),
         ))
 
     def _tell_shortfalls(self, counts: FrameCounts, watching: bool) -> None:
@@ -265,7 +233,7 @@ class DisparityNode(Node):
         if not watching:
             return
         now, parameters = Counts.of(counts), self._settings.current
-        counting = not self._compiling and parameters.max_rate == 0
+        counting = not self._matching.compiling and parameters.max_rate == 0
         for shortfall in (
             *self._lost.check(now, self._pairing.tolerance_ns),
             self._behind.check(now, counts.timings.get('total', 0.0), counting),
@@ -278,10 +246,7 @@ class DisparityNode(Node):
 
     def _look_at_infos(self) -> None:
         """Ask for those that are latched; tell where they have not come, or say that images are not rectified."""
-        if self._early.text and time.monotonic() - self._first_pair >= _INFO_PATIENCE:
-            if None in map(self._infos.latest, SIDES):
-                self._log.complain(self._early)
-            self._early = Line('', '')
+        self._matching.tell_missing_infos()
         for side in SIDES:
             self._info_subscriptions.ask_for_latched(side)
             info = self._infos.latest(side)
@@ -289,63 +254,6 @@ class DisparityNode(Node):
                 line = unrectified_line(info, self._image_topic(side))
                 if line:
                     self._log.complain(Line(f'unrectified {side}', line))
-
-    # The worker's thread
-
-    def _warm_up(self) -> None:
-        self.get_logger().info('compiling the kernels, up to a minute the first time')
-        start = time.monotonic()
-        self._processor.warm_up(self._settings.current)
-        if self.context.ok():  # else the process is ending, and a line could not be published
-            self.get_logger().info(f'ready: kernels compiled or loaded in {time.monotonic() - start:.1f} s')
-
-    def _process(self, frame: StereoFrame) -> None:
-        left_info, right_info = (self._infos.of(side, frame.left.header.stamp) for side in SIDES)
-        frame = dataclasses.replace(frame, left_info=left_info, right_info=right_info)
-        try:
-            done = self._processor.process(frame, self._settings.current)
-        except FrameError as error:
-            self._statistics.count_drop(error.reason)
-            self._log.complain(Line(error.reason, str(error)))
-            return
-        finally:
-            self._say_compiled()
-        self._outputs.publish(done.frame)
-        self._statistics.count_published(time.monotonic() - frame.arrived, done.timings, done.frame.checked_share)
-        if done.hint != self._hint:  # said once: it is no fault
-            self._hint = done.hint
-            if done.hint:
-                self.get_logger().info(done.hint)
-        if done.problem:
-            geometry = done.frame.geometry
-            known = f'f = {geometry.focal_length:g}, t = {geometry.baseline:g}'
-            line = Line('published', f'disparity published with {known}: {done.problem}')
-            if None in (left_info, right_info) and time.monotonic() - self._first_pair < _INFO_PATIENCE:
-                self._early = line
-            else:
-                self._log.complain(line)
-
-    def _report_compiling(self, what: str) -> None:
-        self._compiling = what
-        text = f'new parameters or images: compiling the kernels for {what}, nothing comes out for up to a minute'
-        self._log.say(Line(f'compiling {what}', text))
-
-    def _say_compiled(self) -> None:
-        if self._compiling:
-            what = self._compiling
-            self._log.say(Line(f'compiled {what}', f'ready: kernels compiled or loaded for {what}'))
-            self._compiling = ''
-
-    def _report_failure(self, error: Exception) -> None:
-        if not self.context.ok():
-            return  # the end of the process, seen from the worker
-        if is_out_of_memory(error):
-            self.report_no_memory('pair dropped', error)
-        elif self._worker.ready:
-            self._statistics.count_drop('failed')
-            self.report_defect('frame dropped', error)
-        else:
-            self.report_defect('warm-up cut short, the first pairs take longer', error)
 
     def _report_incompatible(self, topic: str, entity: Entity, event: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)

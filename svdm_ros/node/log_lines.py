@@ -87,6 +87,10 @@ class LogLines:
         if (text := self._admitted(line)) is not None:
             self._logger.info(text)
 
+    def inform(self, text: str) -> None:
+        """Said each time."""
+        self._logger.info(text)
+
     def alarm(self, line: Line) -> None:
         """An error."""
         if (text := self._admitted(line)) is not None:

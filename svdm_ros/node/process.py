@@ -96,13 +96,13 @@ def _spin(node: DisparityNode) -> None:
 def _report(node: DisparityNode, error: Exception) -> None:
     """Say what the error has cost; raises one that is none of a callback, a request or a message."""
     if is_out_of_memory(error):
-        node.report_no_memory('message dropped', error)
+        node.failures.no_memory('message dropped', error)
     elif _is_ours(error):
-        node.report_defect('callback cut short', error)
+        node.failures.defect('callback cut short', error)
     elif isinstance(error, _BAD_REQUEST):
         node.get_logger().error(f'a request was dropped: {line(error)}')
     elif isinstance(error, RuntimeError):  # its text does not tell that an image did not fit into the memory
-        node.report_untaken(error)
+        node.failures.untaken(error)
     else:
         raise error
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import rclpy
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from ..processes.camera import camera_info_message, image_message, serve
@@ -34,8 +34,8 @@ class SoakCamera:
         for side in ('left', 'right'):
             for kind, name in ((CameraInfo, 'camera_info'), (Image, 'image_rect'),
                                (CompressedImage, 'image_rect/compressed')):
-                qos = QoSProfile(depth=100) if kind is CameraInfo else qos_profile_sensor_data
-                self._publishers[side, kind] = self._node.create_publisher(kind, f'{side}/{name}', qos)
+                self._publishers[side, kind] = self._node.create_publisher(
+                    kind, f'{side}/{name}', qos_profile_sensor_data)
         width, height = SIZE
         self._infos = {side: camera_info_message(side, height, width) for side in ('left', 'right')}
         self._pairs = [dict(zip(('left', 'right'), map(image_message, pair), strict=True)) for pair in good_pairs()]

@@ -131,7 +131,7 @@ class Soak:
         self._answers = [expected_answers(parameters) for parameters in self._sets]
         self._current = preset
         self._node = Child('node', folder / 'node.log', 'svdm_ros', '--ros-args', '--params-file',
-                           str(preset_folder() / f'{_PRESET}.yaml'), *_overrides())
+                           str(preset_folder() / f'{_PRESET}.yaml'))
         self._camera: Child | None = None
 
     def run(self) -> None:
@@ -240,13 +240,6 @@ class Soak:
         for name in _NAMES:
             if held[name] != self._current.value(name):
                 self.tally.fault('half-applied', f'{name} is {held[name]!r}, must be {self._current.value(name)!r}')
-
-
-def _overrides() -> Iterator[str]:
-    """That no calibration is lost among the hostile ones: answers are compared with those by the right one."""
-    for side in ('left', 'right'):
-        for policy, value in (('reliability', 'reliable'), ('depth', '100')):
-            yield from ('-p', f'qos_overrides./{side}/camera_info.subscription.{policy}:={value}')
 
 
 @contextlib.contextmanager
