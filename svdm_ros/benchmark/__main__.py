@@ -1,22 +1,14 @@
 """How fast the node is: a camera, the node and a listener as processes of their own on this machine, over DDS.
 
 python -m svdm_ros.benchmark [--size 640x480] [--rate 30] [--seconds 15] [--preset fast] [--json FILE]
+
+A signal ends it quietly from its first moment on.
 """
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-from pathlib import Path
-from typing import Any
-
-from svdm_core.commands.argument_types import positive, size
-from svdm_core.files.output_files import check_outputs, write_outputs
-from svdm_core.missing_modules import missing_line
-from svdm_core.presets import load_preset, preset_names
 
 from ..node.end_signals import EndSignals
-from ..processes.children import RunError
 
 INTERRUPTED = 130  # as a shell reports Ctrl-C
 
@@ -25,59 +17,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry of the command: 0, 1 or 2 with one line that says what went wrong or is not allowed, 130 when interrupted.
     """
     signals = EndSignals(INTERRUPTED)
-    options = _parse(arguments)
     try:
-        from svdm_core.benchmark.limits import check_memory  # they take a second, as numpy and rclpy come with them
-
-        from .measurement import measure
+        from .node_benchmark import run  # takes a second, as numpy and rclpy come with it
     except ImportError as error:
+        from svdm_core.missing_modules import missing_line
+
         print(f'node_benchmark: {missing_line(error)}', file=sys.stderr)
         return 2
-
-    def check() -> None:
-        if signals.received:
-            raise KeyboardInterrupt
-
-    outputs = [options.json] if options.json is not None else []
-    try:
-        check_outputs(outputs, options.force)
-        width, height = options.size
-        check_memory(width, height, load_preset(options.preset).num_disparities)
-        signals.end_in_order()  # from here on there are children to be ended first
-        settings = {'size': list(options.size), 'preset': options.preset, 'rate': options.rate,
-                    'seconds': options.seconds}
-        figures = measure(options.size, options.rate, options.seconds, options.preset, check)
-        print(_line(settings, figures))
-        text = json.dumps({**settings, **figures}, indent=1) + '\n'
-        write_outputs({path: text.encode() for path in outputs}, options.force)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    except (RunError, ValueError) as error:
-        print(f'node_benchmark: {error}', file=sys.stderr)
-        return 1 if isinstance(error, RunError) else 2
-    return 0
-
-
-def _parse(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog='node_benchmark', description='Measure the node at a given size and rate.')
-    parser.add_argument('--size', type=size, default=(640, 480), metavar='WxH', help='image size, px (640x480)')
-    parser.add_argument('--rate', type=positive, default=30.0, metavar='HZ', help='pairs sent a second (30)')
-    parser.add_argument('--seconds', type=positive, default=15.0, metavar='S', help='how long to count (15)')
-    parser.add_argument('--preset', choices=preset_names(), default='fast', help='preset of the node (fast)')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures')
-    parser.add_argument('--force', action='store_true', help='overwrite a file that exists')
-    return parser.parse_args(arguments)
-
-
-def _line(settings: dict[str, Any], figures: dict[str, Any]) -> str:
-    width, height = settings['size']
-    latency, matcher = figures['latency_ms'], figures['matcher_ms']
-    first = figures['first_output_s']
-    took = f'; the matcher took {matcher:.1f} ms of the mean' if matcher is not None else ''
-    return (f'{width}x{height} grey, preset {settings["preset"]}: {figures["in_hz"]:.1f} Hz in, '
-            f'{figures["out_hz"]:.1f} Hz out; from stamp to receipt mean {latency["mean"]:.1f}, '
-            f'p50 {latency["p50"]:.1f}, p90 {latency["p90"]:.1f}, p99 {latency["p99"]:.1f} ms{took}; a new '
-            f'listener has its first image after {min(first):.2f} to {max(first):.2f} s')
+    return run(signals, arguments)
 
 
 if __name__ == '__main__':

@@ -9,13 +9,13 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class EndSignals:
-    """What a signal does: it ends the process at once with `code`, until somebody else is there to end it in order.
+    """What a signal does: it ends the process at once with the exit code `code`, until somebody else is there to end it in order.
 
     `received` tells whether one has come.
     """
 
     def __init__(self, code: int = 0) -> None:
-        self._code = code
+        self.code = code
         self.received = False
         self._orderly = False
         for number in _NUMBERS:
@@ -35,4 +35,4 @@ class EndSignals:
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self.received = True
         if not self._orderly:
-            os._exit(self._code)  # no exception: whatever is being imported might catch it, or end in a traceback
+            os._exit(self.code)  # no exception: whatever is being imported might catch it, or end in a traceback

@@ -7,7 +7,7 @@ import sys
 import pytest
 from checkout import CHECKOUT
 
-from svdm_ros.benchmark import __main__ as benchmark
+from svdm_ros.benchmark import node_benchmark as benchmark
 from svdm_ros.benchmark.measurement import MatcherReport, figures, matcher_mean
 from svdm_ros.processes.children import RunError
 
