@@ -13,7 +13,7 @@ from rclpy.publisher import Publisher
 
 from svdm_core import NotEnoughMemoryError
 from svdm_core.memory import in_gigabytes
-from svdm_core.runtime.free_memory import free_memory
+from svdm_core.runtime.free_memory import RecentFreeMemory
 
 from ..frames.matched_frame import MatchedFrame
 from ..frames.messages import rclpy_types
@@ -36,6 +36,7 @@ class OutputPublishers:
         self._on_incompatible, self._on_listeners = on_incompatible, on_listeners
         self._publishers: dict[Output, Publisher] = {}
         self._lock = threading.Lock()
+        self._free = RecentFreeMemory()
 
     def adapt(self, parameters: NodeParameters) -> None:
         """Have publishers for the outputs that there are under these parameters.
@@ -70,7 +71,7 @@ class OutputPublishers:
         for output in OUTPUTS:
             if output.when(frame.parameters) and self._is_wanted(output):
                 message = output.make(frame, rclpy_types())
-                _check_room(output.topic, message)
+                _check_room(output.topic, message, self._free())
                 with self._lock:
                     if output in self._publishers:
                         self._publishers[output].publish(message)
@@ -80,9 +81,9 @@ class OutputPublishers:
             return output in self._publishers and self._publishers[output].get_subscription_count() > 0
 
 
-def _check_room(topic: str, message: Any) -> None:
+def _check_room(topic: str, message: Any, free: int | None) -> None:
     """Raise NotEnoughMemoryError before DDS runs out of memory, which it does not always survive."""
-    size, free = len(getattr(getattr(message, 'image', message), 'data', b'')), free_memory()
+    size = len(getattr(getattr(message, 'image', message), 'data', b''))
     if free is not None and _COPIES * size > free:
         raise NotEnoughMemoryError(f'{topic} needs {in_gigabytes(_COPIES * size)} to be published, and '
                                    f'{in_gigabytes(free)} are free: set downscale, roi or a larger point_stride')

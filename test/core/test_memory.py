@@ -11,7 +11,7 @@ from scenes import noise
 from svdm_core import NotEnoughMemoryError, StereoMatcher, load_preset, memory
 from svdm_core.memory import needed_bytes
 from svdm_core.runtime import free_memory as free_memory_module
-from svdm_core.runtime.free_memory import free_memory
+from svdm_core.runtime.free_memory import RecentFreeMemory, free_memory
 
 
 @pytest.mark.parametrize('preset', ['fast', 'default', 'accurate', 'paper'])
@@ -60,6 +60,17 @@ def test_free_memory_is_that_of_the_machine_or_less():
     lines = Path('/proc/meminfo').read_text().splitlines()
     total = next(int(line.split()[1]) * 1024 for line in lines if line.startswith('MemTotal:'))
     assert 0 < free_memory() <= total
+
+
+def test_free_memory_asked_for_again_and_again_is_read_once_a_second(monkeypatch):
+    read = []
+    monkeypatch.setattr(free_memory_module, 'free_memory', lambda: read.append(1) or len(read))
+    now = [5.0]
+    monkeypatch.setattr(free_memory_module.time, 'monotonic', lambda: now[0])
+    recent = RecentFreeMemory()
+    assert [recent() for _ in range(100)] == [1] * 100
+    now[0] += 1.1
+    assert (recent(), recent()) == (2, 2)
 
 
 def test_a_limit_of_the_process_counts():
