@@ -9,9 +9,9 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class EndSignals:
-    """What a signal does: it ends the process at once with the exit code `code`, until somebody else is there to end it in order.
+    """What a signal does: it ends the process at once, until somebody else is there to end it in order.
 
-    `received` tells whether one has come.
+    code: the exit code then. received: whether a signal has come.
     """
 
     def __init__(self, code: int = 0) -> None:
