@@ -234,7 +234,7 @@ def test_any_size_and_range_gives_a_dense_map_within_the_range(shape, min_dispar
 
 @pytest.mark.slow
 @pytest.mark.timeout(600)  # kernels are compiled for each width
-@pytest.mark.parametrize('num_disparities', [33, 96, 255, 1024])
+@pytest.mark.parametrize('num_disparities', [33, 96, 255, 257, 600, 1024])
 def test_wide_ranges_give_the_same_as_narrow_ones_where_they_need_not_look_further(num_disparities):
     """A wall at disparity 12 of an image narrower than the range."""
     left, right = shifted_wall(61, 30, 12)

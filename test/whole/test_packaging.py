@@ -180,7 +180,7 @@ def test_installed_node_runs_until_interrupted(prefix, installed_environment, tm
             cwd=tmp_path, env=installed_environment, stdout=output, stderr=subprocess.STDOUT)
     client = Client(int(installed_environment['ROS_DOMAIN_ID']))
     try:
-        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=200)
+        client.spin_until(lambda: client.hears_of_a_ready_node() or node.poll() is not None, 'ready', limit=100)
         assert node.poll() is None, log.read_text()
         node.send_signal(signal.SIGINT)
         assert node.wait(10) == 0, log.read_text()

@@ -13,7 +13,7 @@ from checkout import CHECKOUT
 from svdm_core.kernels import instructions, wide
 from svdm_core.kernels.vectors import pointer
 
-LANES = (16, 32, 64, 96, 192)  # one piece of each size, three of 32 and of 64
+LANES = (16, 32, 64, 96, 128, 1024)  # one piece of each size, three of 32, two and sixteen of 64
 KINDS = (np.uint8, np.uint16)
 OFFSET = 3  # vectors need not begin where an array does
 BEHIND = 5

@@ -83,6 +83,7 @@ def test_images_are_taken_only_while_somebody_listens(running):
     client.unsubscribe(OUTPUTS[1].topic)
     client.subscribe(kind_of(OUTPUTS[0]), OUTPUTS[0].topic, client.received)
     client.exchange_until(*dots(), lambda message: True, 'a disparity again')
+    assert 'no images' not in node.log
 
 
 def test_an_idle_node_hardly_works(running):
