@@ -141,7 +141,7 @@ def records(file: BinaryIO, begin: int, end: int) -> Iterator[Record]:
 
 def content_of(file: BinaryIO, record: Record) -> bytes:
     """The content of a record, in memory."""
-    if record.size > LARGEST_BLOCK:
+    if not 0 <= record.size <= LARGEST_BLOCK:
         raise ValueError(f'a record has {record.size} bytes, at most {LARGEST_BLOCK} are allowed')
     file.seek(record.offset)
     data = file.read(record.size)
