@@ -28,9 +28,6 @@ def main(arguments: list[str] | None = None) -> int:
         print(line(f'process_bag: {error.filename or options.output}: {error.strerror or error}'), file=sys.stderr)
     except ValueError as error:
         print(f'process_bag: {line(error)}', file=sys.stderr)
-    except MemoryError as error:
-        print(f'process_bag: out of memory: {line(error)}; what is done is kept, the same command goes on from there',
-              file=sys.stderr)
     except ImportError as error:
         print(f'process_bag: {missing_line(error)}', file=sys.stderr)
     except KeyboardInterrupt:

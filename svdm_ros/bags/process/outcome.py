@@ -27,8 +27,6 @@ def outcome_of(job: Job, threads: int, tell: Tell) -> Outcome:
         summary = process(job, _now_and_then(tell))
     except (ValueError, OSError) as error:
         return Outcome(str(job.input), [], str(error), 2)
-    except MemoryError as error:
-        return Outcome(str(job.input), [], f'{job.input}: out of memory: {error}', 2)
     return Outcome(str(job.input), list(summary.lines()), summary.problem, summary.exit_code)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from svdm_core.memory import lacking_text
 from svdm_core.shown import cut
 
 from ...calibration.rectification import unrectified_line
@@ -123,10 +124,11 @@ class _Run:
         self._matcher_ms = 0.0
 
     def __call__(self, tell: Callable[[int], None]) -> Summary:
-        self._processor.warm_up(self._job.parameters)
         start = time.perf_counter()
         problem = ''
         try:
+            self._processor.warm_up(self._job.parameters)
+            start = time.perf_counter()
             self._pass(tell)
             if self._progress.disparities:
                 self._bag.finish(lambda folder: self._add_files(folder, start))
@@ -135,6 +137,8 @@ class _Run:
         except OSError as error:
             problem = (f'{partial_path(self._job.output)}: cannot be written: {error.strerror}; make room, then the '
                        'same command goes on from there')
+        except MemoryError as error:
+            problem = f'{self._job.input}: out of memory: {lacking_text(error)}'
         summary = dataclasses.replace(self._summary(start), problem=problem)
         if problem:  # what counts is what reached the disk
             self._progress = Progress.of(self._bag.state)

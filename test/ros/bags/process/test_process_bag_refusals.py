@@ -1,4 +1,5 @@
 """process_bag on what is wrong: recordings, disks, options. One line, and all that was finished is kept."""
+import itertools
 import json
 import re
 import resource
@@ -29,7 +30,7 @@ from recordings import (
     write,
 )
 
-from svdm_core import MatcherParameters
+from svdm_core import MatcherParameters, StereoMatcher, memory
 from svdm_ros.bags.process import processing
 from svdm_ros.bags.reading import pair_stream
 from svdm_ros.bags.reading.stereo_topics import StereoTopics
@@ -118,6 +119,33 @@ def test_damage_half_way_keeps_what_is_done(run, tmp_path):
     done = messages_of(tmp_path / 'out.partial', DISPARITY)
     assert 50 < len(done) < 400
     assert f'out.partial: {len(done)} disparities' in told
+
+
+def test_a_pair_that_does_not_fit_into_the_memory_ends_it_with_a_line_and_leaves_nothing(
+        bag, run, tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, 'free_memory', lambda: 10**5)
+    told = run(bag, code=2)
+    assert 'out of memory: ' in told and '0.0 GB are free: set downscale, roi or fewer num_disparities' in told
+    assert not list(tmp_path.glob('out*'))
+    monkeypatch.undo()
+    run(bag)
+
+
+def test_memory_that_runs_out_half_way_keeps_what_is_done(bag, run, tmp_path, monkeypatch):
+    run(bag, output='expected')
+    compute, calls = StereoMatcher.compute, itertools.count()
+
+    def fails_later(self, left, right):
+        if left.shape == (60, 90) and next(calls) == 3:
+            raise MemoryError
+        return compute(self, left, right)
+
+    with monkeypatch.context() as tight:
+        tight.setattr(StereoMatcher, 'compute', fails_later)
+        told = run(bag, code=1)
+    assert 'out of memory: the memory is used up: set downscale' in told and 'out.partial: 3 disparities' in told
+    run(bag)
+    assert contents(tmp_path / 'out') == contents(tmp_path / 'expected')
 
 
 def test_a_full_disk_keeps_what_is_done_and_the_next_run_goes_on(bag, run, tmp_path, monkeypatch):
