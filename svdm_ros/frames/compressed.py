@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from svdm_core.files.image_headers import LARGEST as LARGEST
 from svdm_core.files.image_headers import check_size, declared_size, is_png_or_jpeg
 from svdm_core.memory import is_out_of_memory
 from svdm_core.shown import shown

@@ -138,8 +138,7 @@ def _time(line: str) -> int:
 
 
 def read_checked(path: Path, flags: int) -> NDArray[Any]:
-    """`read_image` of a regular file of a size that OpenCV takes. Raises ValueError."""
-    check_regular(path, IMAGE)
+    """`read_image` of a size that OpenCV takes. Raises ValueError."""
     try:
         return read_image(path, flags)
     except cv2.error as error:

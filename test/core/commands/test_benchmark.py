@@ -45,7 +45,8 @@ def test_wrong_arguments_are_named(arguments, words, capsys):
 def test_images_that_do_not_fit_are_named(tmp_path, capsys):
     cv2.imwrite(str(tmp_path / 'a.png'), noise(5, 6))
     cv2.imwrite(str(tmp_path / 'b.png'), noise(5, 7))
-    for right, words in (('nowhere.png', 'missing, or not an image'), ('b.png', 'different sizes: (5, 6) and (5, 7)')):
+    for right, words in (('nowhere.png', 'nowhere.png: there is no such file'),
+                         ('b.png', 'different sizes: (5, 6) and (5, 7)')):
         assert cli.main(['benchmark', '--pair', str(tmp_path / 'a.png'), str(tmp_path / right)]) == 2
         assert words in capsys.readouterr().err
 

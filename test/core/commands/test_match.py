@@ -141,8 +141,8 @@ def test_images_that_do_not_fit_are_named(pair, tmp_path, capfd):
     cv2.imwrite(str(tmp_path / 'small.png'), noise(5, 6))
     (tmp_path / 'text.png').write_text('no image')
     (tmp_path / 'cut.png').write_bytes((tmp_path / 'left.png').read_bytes()[:-1000])
-    for right, words in (('nowhere.png', 'nowhere.png: missing, or not an image'),
-                         ('text.png', 'text.png: missing, or not an image'), ('cut.png', 'cut.png: a truncated PNG'),
+    for right, words in (('nowhere.png', 'nowhere.png: there is no such file'),
+                         ('text.png', 'text.png: not an image of PNG'), ('cut.png', 'cut.png: a truncated PNG'),
                          ('small.png', 'must have the same shape')):
         assert match([pair[0], str(tmp_path / right)], '-o', tmp_path / 'a.pfm') == 2
         error = capfd.readouterr().err

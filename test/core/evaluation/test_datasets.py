@@ -28,7 +28,7 @@ def test_a_scene_is_read_whole(tmp_path):
 def test_what_is_missing_in_a_scene_is_named(tmp_path):
     folder = make_scene(tmp_path / 'Attic')
     (folder / 'im1.png').unlink()
-    with pytest.raises(ValueError, match=r'im1\.png: missing, or not an image'):
+    with pytest.raises(ValueError, match=r'im1\.png: there is no such file'):
         read_middlebury_scene(folder)
     folder = make_scene(tmp_path / 'Cellar')
     (folder / 'calib.txt').write_text('width=6\n')

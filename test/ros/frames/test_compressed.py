@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import noise
 
-from svdm_ros.frames.compressed import LARGEST, decode
+from svdm_core.files.image_headers import LARGEST
+from svdm_ros.frames.compressed import decode
 from svdm_ros.frames.image_conversion import image_to_array
 
 
