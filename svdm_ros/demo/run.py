@@ -19,6 +19,7 @@ from rclpy.utilities import try_shutdown
 from svdm_core import load_preset
 from svdm_core.presets import preset_folder
 
+from ..command_line.interrupts import deferred_interrupts
 from ..processes.camera import SENT
 from ..processes.children import Child, isolated_environment
 from ..processes.dds_profile import write_profile
@@ -81,13 +82,11 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
     """Start the node and the camera, receive, re-tune, receive again. Nothing is left running."""
     with contextlib.ExitStack() as stack:
         preset = preset_folder() / f'{START_PRESET}.yaml'
-        node = _started(stack, Child(
-            'node', folder / 'node.log', 'svdm_ros', '--ros-args',
-            '--params-file', str(preset), '-p', f'num_disparities:={NUM_DISPARITIES}'))
+        node = _started(stack, 'node', folder / 'node.log', 'svdm_ros', '--ros-args',
+                        '--params-file', str(preset), '-p', f'num_disparities:={NUM_DISPARITIES}')
         children = [node]
         # It would keep the node busy for a minute while the camera sends.
-        warm_up = _started(stack, Child(
-            'compilation', folder / 'warm_up.log', 'svdm_ros.demo.warm_up', LAST_PRESET))
+        warm_up = _started(stack, 'compilation', folder / 'warm_up.log', 'svdm_ros.demo.warm_up', LAST_PRESET)
 
         def check() -> None:
             for child in children:
@@ -101,8 +100,8 @@ def record(settings: Settings, folder: Path, display: Display) -> Recording:
             session.wait_for(warm_up.is_done, COMPILE_TIMEOUT, f'the kernels of {LAST_PRESET} have been compiling')
 
         with display.stage(f'Starting the camera: Motorcycle at {settings.rate:g} Hz'):
-            camera = _started(stack, Child(
-                'camera', folder / 'publisher.log', 'svdm_ros.processes.camera', '--rate', str(settings.rate)))
+            camera = _started(stack, 'camera', folder / 'publisher.log', 'svdm_ros.processes.camera',
+                              '--rate', str(settings.rate))
             children.append(camera)
             session.listen(START_TIMEOUT)
             session.wait_for(lambda: bool(session.frames), START_TIMEOUT, 'no disparity image arrived')
@@ -170,8 +169,11 @@ def _values(preset: str) -> dict[str, Any]:
     return {name: parameters[name] for name in TUNED}
 
 
-def _started(stack: contextlib.ExitStack, child: Child) -> Child:
-    stack.callback(child.stop)
+def _started(stack: contextlib.ExitStack, name: str, log: Path, module: str, *arguments: str) -> Child:
+    """A child that `stack` stops: a signal that comes between its start and that would leave it running."""
+    with deferred_interrupts():
+        child = Child(name, log, module, *arguments)
+        stack.callback(child.stop)
     return child
 
 

@@ -1,4 +1,5 @@
 """The demo: its pure parts, and the real thing with few frames."""
+import contextlib
 import dataclasses
 import json
 import signal
@@ -16,6 +17,7 @@ from checkout import CHECKOUT
 from svdm_core.presets import preset_folder
 from svdm_ros.calibration.geometry import stereo_geometry
 from svdm_ros.demo import output_folder, summary
+from svdm_ros.demo import run as demo_run
 from svdm_ros.demo.depth_picture import turned_view
 from svdm_ros.demo.depth_view import Space
 from svdm_ros.frames.image_conversion import image_to_array
@@ -241,6 +243,24 @@ def test_demo_interrupted_leaves_no_process(tmp_path):
     assert demo.returncode == 130
     assert errors.splitlines()[-1] == 'demo: interrupted, all processes ended'
     assert not any(map(_runs, children))
+
+
+class InterruptedAtStart(Child):
+    """Ctrl-C in the moment in which the process is there, and nobody knows of it yet."""
+
+    started = []  # noqa: RUF012 (seen from outside)
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.started.append(self.pid)
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_a_child_is_stopped_whenever_the_signal_comes(tmp_path, monkeypatch):
+    monkeypatch.setattr(demo_run, 'Child', InterruptedAtStart)
+    with pytest.raises(KeyboardInterrupt), contextlib.ExitStack() as stack:
+        demo_run._started(stack, 'server', tmp_path / 'log', 'http.server', '0')
+    assert len(InterruptedAtStart.started) == 1 and not _runs(InterruptedAtStart.started[0])
 
 
 def test_demo_refuses_a_foreign_folder_in_one_line(tmp_path):
