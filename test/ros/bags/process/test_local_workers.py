@@ -16,7 +16,7 @@ from svdm_ros.bags.process.local_workers import process_locally
 from svdm_ros.bags.process.processing import Job
 from svdm_ros.bags.process_bag import main
 
-SMALL = ('--set', 'num_disparities=16', 'median_scope=all', 'w_p=41')
+SMALL = ('--set', 'num_disparities=16', 'median_scope=all', 'w_p=81')
 """Few disparities, and a median that makes each pair last long enough to be interrupted."""
 
 PAIRS = 80
