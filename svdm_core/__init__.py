@@ -11,13 +11,19 @@ if TYPE_CHECKING:
     from .memory import NotEnoughMemoryError
     from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
     from .presets import load_preset, preset_names
+    from .row_alignment.alignment import RowAlignment
+    from .row_alignment.estimation import estimate_row_alignment
+    from .row_alignment.tracking import RowTracker
 
 __all__ = [
     'DisparityResult',
     'MatcherParameters',
     'NotEnoughMemoryError',
     'ParameterInfo',
+    'RowAlignment',
+    'RowTracker',
     'StereoMatcher',
+    'estimate_row_alignment',
     'load_preset',
     'parameter_info',
     'parameter_table',
@@ -29,6 +35,9 @@ _MODULES = {
     'memory': ('NotEnoughMemoryError',),
     'parameters': ('MatcherParameters', 'ParameterInfo', 'parameter_info', 'parameter_table'),
     'presets': ('load_preset', 'preset_names'),
+    'row_alignment.alignment': ('RowAlignment',),
+    'row_alignment.estimation': ('estimate_row_alignment',),
+    'row_alignment.tracking': ('RowTracker',),
 }
 
 

@@ -20,6 +20,7 @@ from .matching_cost.preparation import PairImages, fill_levels, images_of
 from .memory import check_memory
 from .parameters import STAGES, MatcherParameters, parameter_table
 from .phases import Crew, Phase, StageClock
+from .row_alignment.alignment import RowAlignment
 from .stripe_route import StripeRoute, right_aggregation
 
 # numba's portable threading layer aborts the process when two threads run parallel kernels at once.
@@ -98,27 +99,31 @@ class StereoMatcher:
         self._afforded: tuple[object, ...] = ()
         self._held = 0  # bytes of what was afforded
 
-    def compute(self, left: Image, right: Image) -> DisparityResult:
+    def compute(self, left: Image, right: Image, rows: RowAlignment | None = None) -> DisparityResult:
         """Match a pair: uint8 or uint16, both (H, W) grey or both (H, W, 3) BGR, any strides.
 
-        Raises ValueError naming what is wrong with which image, and NotEnoughMemoryError (a MemoryError) before
-        anything is allocated where the pair needs more memory than is free.
+        rows: how far the rows are apart; the right image is aligned by it first, which is 'row_alignment' in the
+        timings. Raises ValueError naming what is wrong with which image, and NotEnoughMemoryError (a MemoryError)
+        before anything is allocated where the pair needs more memory than is free.
         """
         left, right = _checked(left, right)
         with _KERNELS:
             clock, parameters = self._new_clock(), self.parameters
             self._crew.gather(self.threads)
+            right = _aligned(right, rows, clock)
             return self._refined(self._matched(left, right, parameters, clock), parameters, clock)
 
-    def match(self, left: Image, right: Image) -> MatchedPair:
+    def match(self, left: Image, right: Image, rows: RowAlignment | None = None) -> MatchedPair:
         """Stages 1 to 3 of a pair, as `compute` takes it; the arrays are the caller's own, for as long as wanted."""
         left, right = _checked(left, right)
         with _KERNELS:
+            clock = self._new_clock()
             self._crew.gather(self.threads)
-            return self._matched(left, right, self.parameters, self._new_clock()).copy()
+            right = _aligned(right, rows, clock)
+            return self._matched(left, right, self.parameters, clock).copy()
 
     def refine(self, matched: MatchedPair) -> DisparityResult:
-        """Stage 4, under the parameters that the matcher has now; `compute` is `refine(match(left, right))`.
+        """Stage 4, under the parameters that the matcher has now; `compute` is `refine(match(left, right, rows))`.
 
         Raises ValueError where a parameter of an earlier stage is not what the pair was matched with.
         """
@@ -206,6 +211,13 @@ def _kernels_of(shape: tuple[int, ...], dtype: Any, parameters: MatcherParameter
     channels = 1 if len(shape) == 2 else shape[2]
     return (str(dtype), channels, is_exact(parameters), lanes_for(parameters.num_disparities), parameters.aggregation,
             right_aggregation(parameters, channels), *kernels_of(parameters))
+
+
+def _aligned(right: Image, rows: RowAlignment | None, clock: StageClock) -> Image:
+    if rows is None:
+        return right
+    with clock.stage('row_alignment'):
+        return rows.apply(right)
 
 
 def _checked(left: Image, right: Image) -> tuple[Image, Image]:

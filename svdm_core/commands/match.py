@@ -40,7 +40,8 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f'{preview}: the suffix {preview.suffix!r} is not allowed: a preview is a .png')
     check_outputs((output, preview), options.force)
     matcher = StereoMatcher(parameters_of(options), options.threads)
-    result = matcher.compute(*(read_image(path, _AS_IT_IS) for path in (options.left, options.right)))
+    left, right = (read_image(path, _AS_IT_IS) for path in (options.left, options.right))
+    result = matcher.compute(left, right)
     disparity = result.disparity
     if options.valid_only:
         disparity = np.where(result.valid, disparity, np.float32(np.inf))

@@ -1,0 +1,69 @@
+"""The row alignment of a camera from one or many of its pairs."""
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..kernels.arrays import Image, Uint8
+from .alignment import RowAlignment, RowPoints
+from .fitting import FEWEST_POINTS, fit_rows, pooled
+from .measurement import MOST_CORNERS, grey_of, measured
+
+_ROUNDS = 3
+"""The vertex of a parabola is drawn to whole rows: what is left of an offset after resampling is measured better."""
+
+
+class _GreyPair(NamedTuple):
+    left: Uint8
+    right: Uint8
+
+
+def estimate_row_alignment(
+    pairs: Iterable[tuple[Image, Image]] | tuple[Image, Image], min_disparity: int, num_disparities: int,
+) -> RowAlignment | None:
+    """The row alignment of one pair, or of several of the same cameras; None where none can be told.
+
+    pairs: (left, right), uint8 or uint16, grey or BGR, all of one size. The search range is min_disparity ..
+    min_disparity + num_disparities - 1, px. None where few points are found, where they are in a part of the image only
+    and where the field would not make the offsets significantly smaller, as in pairs whose rows are aligned. The same
+    images give the same alignment. Raises ValueError where sizes differ.
+    """
+    grey = _grey_pairs(pairs)
+    if not grey:
+        return None
+    shape, search = grey[0].left.shape, (min_disparity, min_disparity + num_disparities - 1)
+    found: RowAlignment | None = None
+    for _ in range(_ROUNDS):
+        points = pooled([off_by(found, pair, search) for pair in grey])
+        if points.size < FEWEST_POINTS:
+            return None
+        found = fit_rows(points, shape, found)
+        if found is None:
+            return None
+    return found
+
+
+def off_by(
+    known: RowAlignment | None, pair: tuple[Uint8, Uint8], search: tuple[int, int], most: int = MOST_CORNERS,
+) -> RowPoints:
+    """Offsets of a grey pair: measured after it was aligned by what is known, and added to that."""
+    if known is None:
+        return measured(*pair, search, most)
+    left, right = pair
+    points = measured(left, known.apply(right), search, most)
+    return points._replace(dy=points.dy + known.offsets(points.x_right, points.y))
+
+
+def _grey_pairs(pairs: Iterable[tuple[Image, Image]] | tuple[Image, Image]) -> list[_GreyPair]:
+    if isinstance(pairs, tuple) and len(pairs) == 2 and all(isinstance(image, np.ndarray) for image in pairs):
+        pairs = [pairs]  # type: ignore[list-item]
+    grey: list[_GreyPair] = []
+    for left, right in pairs:
+        pair = _GreyPair(grey_of(left), grey_of(right))
+        if pair.left.shape != pair.right.shape or pair.left.shape != (grey or [pair])[0].left.shape:
+            sizes = ', '.join(f'{image.shape[1]} x {image.shape[0]}' for image in (*pair, (grey or [pair])[0].left))
+            raise ValueError(f'images of different sizes, {sizes} px: pairs must be of one size')
+        grey.append(pair)
+    return grey
