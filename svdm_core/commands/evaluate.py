@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..evaluation.aligned_scenes import SceneAligner, alignment_line
 from ..evaluation.datasets import StereoScene
 from ..evaluation.metric_names import check_metrics, default_metrics
 from ..evaluation.scene_evaluation import (
@@ -23,7 +24,7 @@ from ..evaluation.scene_evaluation import (
 from ..evaluation.scene_sets import RESOLUTIONS, SceneSet, find_scenes
 from ..files.output_files import check_outputs, write_outputs
 from ..shown import line
-from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
+from .options import add_align_rows_option, add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:
     from ..evaluation.page import EvaluationPage
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--method', action='append', dest='methods', metavar='M',
                         help=f'{" | ".join(METHODS)}; several times, or separated by commas (svdm)')
     parser.add_argument('--grey', action='store_true', help='take the colour away first')
+    add_align_rows_option(parser)
     parser.add_argument('--resolution', choices=RESOLUTIONS,
                         help='of the images: quarter, half or full (Q; KITTI has F only)')
     parser.add_argument('--scenes', nargs='+', action='extend', default=[], metavar='NAME', help='these only')
@@ -58,12 +60,18 @@ def run(options: argparse.Namespace) -> int:
     resolution = scene_set.resolution(options.resolution)
     page = _page(options, RESOLUTIONS[resolution])
     scenes = {name: _grey(read) if options.grey else read for name, read in scene_set.readers.items()}
+    aligner = SceneAligner() if options.align_rows else None
+    if aligner is not None:
+        scenes = {name: aligner.reader(read) for name, read in scenes.items()}
     with table.progress(len(scenes)) as tell:
         result = evaluate(scenes, contenders, RESOLUTIONS[resolution], tell, page.add if page else _ignore)
     document = _document(options, scene_set, resolution, contenders, result)
+    document['row_alignment'] = None if aligner is None else aligner.document()
     methods = document.get('methods') or {document['method']: document}
     metrics = options.metrics or default_metrics(scene_set.layout)
     table.print_tables(document, methods, metrics)
+    if aligner is not None:
+        print(alignment_line(document['row_alignment']))
     contents: dict[Path, bytes] = {}
     if options.json is not None:
         contents[options.json] = (json.dumps(document, indent=1, allow_nan=False) + '\n').encode()

@@ -11,9 +11,15 @@ from ..files.colour_maps import DISPARITY_COLOURS, colour_map, shown_range
 from ..files.disparity_files import check_suffix, encode_disparity, encode_png
 from ..files.images import read_image
 from ..files.output_files import check_outputs, write_outputs
+from ..kernels.arrays import Image
 from ..matcher import StereoMatcher
+from ..parameters import MatcherParameters
+from ..row_alignment.alignment import RowAlignment
+from ..row_alignment.estimation import estimate_row_alignment
+from ..shown import cut
 from .options import add_parameter_options, add_threads_option, parameters_of
 
+_FROM_THE_PAIR = Path()
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
 
@@ -23,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('right', type=Path, metavar='RIGHT', help='right image, of the same size and kind')
     add_parameter_options(parser)
     add_threads_option(parser)
+    parser.add_argument('--align-rows', nargs='?', type=_alignment_file, const=_FROM_THE_PAIR, metavar='FILE',
+                        help='align the rows of the right image first, by a .yaml of svdm check-rectification; without '
+                             'FILE, by what this pair shows')
     parser.add_argument('-o', '--output', type=Path, default=Path('disparity.pfm'), metavar='OUT',
                         help='.pfm, .npy, or .png of 16 bit: disparity x 256, 0 is unknown (disparity.pfm)')
     parser.add_argument('--preview', type=Path, metavar='PNG', help='picture in colour (OUT_preview.png)')
@@ -39,9 +48,11 @@ def run(options: argparse.Namespace) -> int:
     if preview.suffix.lower() != '.png':
         raise ValueError(f'{preview}: the suffix {preview.suffix!r} is not allowed: a preview is a .png')
     check_outputs((output, preview), options.force)
-    matcher = StereoMatcher(parameters_of(options), options.threads)
+    parameters = parameters_of(options)
+    matcher = StereoMatcher(parameters, options.threads)
     left, right = (read_image(path, _AS_IT_IS) for path in (options.left, options.right))
-    result = matcher.compute(left, right)
+    rows = _row_alignment(options.align_rows, left, right, parameters)
+    result = matcher.compute(left, right, rows)
     disparity = result.disparity
     if options.valid_only:
         disparity = np.where(result.valid, disparity, np.float32(np.inf))
@@ -52,3 +63,28 @@ def run(options: argparse.Namespace) -> int:
           'left-right check')
     print(f'{preview}: {low:g} px blue to {high:g} px red')
     return 0
+
+
+def _alignment_file(text: str) -> Path:
+    """A name that is not taken for an image's."""
+    if Path(text).suffix not in ('.yaml', '.yml'):
+        raise argparse.ArgumentTypeError(f'{cut(text)} is not allowed: it must be a .yaml file; without one, write '
+                                         '--align-rows behind the images')
+    return Path(text)
+
+
+def _row_alignment(
+    source: Path | None, left: Image, right: Image, parameters: MatcherParameters
+) -> RowAlignment | None:
+    """From a file, or of this pair, which is said."""
+    if source is None:
+        return None
+    if source != _FROM_THE_PAIR:
+        return RowAlignment.load(source)
+    if left.shape != right.shape:  # which the matcher refuses
+        return None
+    rows = estimate_row_alignment((left, right), parameters.min_disparity, parameters.num_disparities)
+    print('rows: nothing significant to correct' if rows is None else
+          f'rows aligned: rms of the vertical offsets {rows.residual_before:.2f} to {rows.residual_after:.2f} px, '
+          f'{rows.points} points')
+    return rows

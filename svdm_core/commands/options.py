@@ -33,6 +33,12 @@ def add_threads_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--threads', type=count, default=0, metavar='N', help='threads (one a processor)')
 
 
+def add_align_rows_option(parser: argparse.ArgumentParser) -> None:
+    """--align-rows of the commands that read scenes."""
+    parser.add_argument('--align-rows', action='store_true',
+                        help='estimate how far the rows of each scene are apart, and align its right image first')
+
+
 def parameters_of(options: argparse.Namespace) -> MatcherParameters:
     """What --preset or --params, and --set say. ValueError names parameter, value and what is allowed."""
     return load_preset(options.params or options.preset).replace(**parse_changes(options.changes))

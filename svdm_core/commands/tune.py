@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..evaluation.aligned_scenes import SceneAligner, alignment_line
 from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
 from ..files.output_files import check_outputs, write_outputs
 from ..missing_modules import not_installed
@@ -17,7 +18,7 @@ from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_tim
 from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
 from ..tuning.store import FigureStore
 from .argument_types import count
-from .options import add_parameter_options, add_threads_option, parameters_of, parse_changes
+from .options import add_align_rows_option, add_parameter_options, add_threads_option, parameters_of, parse_changes
 
 if TYPE_CHECKING:
     from ..tuning import report  # needs rich
@@ -38,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameter_options(parser)
     parser.set_defaults(preset=None)
     parser.add_argument('--scenes', nargs='+', action='extend', default=[], metavar='NAME', help='these only')
+    add_align_rows_option(parser)
     parser.add_argument('--resolution', choices=RESOLUTIONS,
                         help='of the images: quarter, half or full (Q; KITTI has F only)')
     add_threads_option(parser)
@@ -59,6 +61,8 @@ def run(options: argparse.Namespace) -> int:
 
     report.print_table(study)
     print(f'{study.evaluate.maps} maps were computed')
+    if study.row_alignment is not None:
+        print(alignment_line(study.row_alignment))
     texts = {}
     if options.json:
         texts[options.json] = json.dumps(report.document(study), indent=1) + '\n'
@@ -87,7 +91,8 @@ def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> report.
     parameters = parameters_of(options)
     scene_set = find_scenes(options.folder).chosen(options.scenes)
     factor = RESOLUTIONS[scene_set.resolution(options.resolution)]
-    scenes = [read() for read in scene_set.readers.values()]
+    aligner = SceneAligner() if options.align_rows else None
+    scenes = [read() if aligner is None else aligner.aligned(read()) for read in scene_set.readers.values()]
     store = FigureStore(options.storage)
     with _progress(len(scenes) * (1 + _sets(ranges, options.search))) as advance:
         evaluate = Evaluator(scenes, factor, options.threads, store, advance)
@@ -98,7 +103,7 @@ def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> report.
         else:
             trials = joint_search(evaluate, start, ranges, options.search, options.objective)
     return Study(evaluate, options.objective, start, steps, trials, [entry.name for entry in ranges],
-                 against_paper=bool(options.study))
+                 against_paper=bool(options.study), row_alignment=None if aligner is None else aligner.document())
 
 
 def _check_files(options: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..files.colour_maps import DISPARITY_COLOURS, ERROR_COLOURS, colour_map, shown_range
 from ..kernels.arrays import Image
+from .aligned_scenes import alignment_line
 from .datasets import StereoScene
 from .metric_names import OF_THE_MAP, REGION_TITLES, larger_is_better, unit, written
 from .metrics import weighted_average
@@ -80,8 +81,10 @@ class EvaluationPage:
                                          lstrip_blocks=True)
         template = environment.from_string(files(__package__).joinpath(_TEMPLATE).read_text(encoding='utf-8'))
         columns = [*methods, *([PAPER] if document['layout'] == 'Middlebury' else [])]
+        found = document['row_alignment']
         return template.render(
-            document=document, methods=methods, columns=columns, scenes=self._scenes, regions=REGION_TITLES,
+            document=document, rows=alignment_line(found) if found else '', methods=methods,
+            columns=columns, scenes=self._scenes, regions=REGION_TITLES,
             resolution=_RESOLUTION_NAMES[document['resolution']], by_scene=_by_scene(methods, columns, weights),
             metrics=[(metric.removesuffix('_ms'), unit(metric)) for metric in _shown(metrics)],
             averages={region: _averages(methods, _shown(metrics), region) for region in REGIONS})

@@ -8,6 +8,7 @@ from typing import Any
 import jinja2
 
 from ..evaluation import streaks
+from ..evaluation.aligned_scenes import alignment_line
 from .optimization import FIGURES, Step
 from .pictures import draw_image, draw_map, draw_step, draw_trials
 from .report import HEADINGS, Study, document, paper_table, path
@@ -28,7 +29,8 @@ def page(study: Study) -> str:
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     template = environment.from_string(files(__package__).joinpath(_TEMPLATE).read_text(encoding='utf-8'))
     return template.render(
-        scenes=found['scenes'], objective=study.objective, names=FIGURES, headings=HEADINGS,
+        scenes=found['scenes'], rows=alignment_line(study.row_alignment) if study.row_alignment else '',
+        objective=study.objective, names=FIGURES, headings=HEADINGS,
         way=[(label, evaluation.average, False) for label, evaluation in way],
         changed=found['changed'], steps=steps, streak=streaks, trial_count=len(study.trials),
         trials=[(label, average, False) for label, average in ranked], different=len(different),

@@ -21,7 +21,10 @@ _WIDTH = 140  # characters, where the output is no terminal
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Study:
-    """What was done and found: `steps` one at a time, or `trials` of a joint search over `varied`."""
+    """What was done and found: `steps` one at a time, or `trials` of a joint search over `varied`.
+
+    row_alignment: scene -> what its right image was aligned by, of plain types; None where that was not asked for.
+    """
 
     evaluate: Evaluator
     objective: str
@@ -30,6 +33,7 @@ class Study:
     trials: list[Evaluation]
     varied: list[str]
     against_paper: bool = False
+    row_alignment: dict[str, Any] | None = None
 
     @property
     def best(self) -> Evaluation:
@@ -43,6 +47,7 @@ def document(study: Study) -> dict[str, Any]:
     return {
         'objective': study.objective,
         'scenes': [scene.name for scene in study.evaluate.scenes],
+        'row_alignment': study.row_alignment,
         'start': _plain(study.start),
         'steps': [_step(step, study.against_paper) for step in study.steps],
         'trials': [{'values': {name: getattr(trial.parameters, name) for name in study.varied}, **_plain(trial)}
