@@ -13,6 +13,7 @@ from ..shown import line
 COMMANDS = {
     'match': 'the disparity of one pair as a file, and a picture of it',
     'evaluate': 'svdm and OpenCV over the scenes of Middlebury or KITTI: a table, JSON, an HTML page',
+    'check-rectification': 'how far the rows of left and right images are apart, and what to do about it',
     'tune': 'find parameters on images with ground truth, one at a time or jointly',
     'benchmark': 'time the presets beside OpenCV StereoBM and StereoSGBM',
     'warmup': 'compile the kernels into the cache, so that the first frame comes soon',
@@ -55,7 +56,7 @@ def _parser(arguments: list[str]) -> argparse.ArgumentParser:
     for name, meaning in COMMANDS.items():
         command = commands.add_parser(name, help=meaning, description=meaning)
         if name in arguments[:1]:
-            module = importlib.import_module(f'.{name}', __package__)
+            module = importlib.import_module(f'.{name.replace("-", "_")}', __package__)
             module.add_arguments(command)
             command.set_defaults(run=module.run)
     return parser

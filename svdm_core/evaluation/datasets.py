@@ -11,6 +11,7 @@ from ..files.images import read_image
 from ..files.pfm import read_pfm
 from ..files.user_files import SETTINGS, read_text
 from ..kernels.arrays import Bool, Float32, Image
+from .pair_folders import parse_ndisp
 
 # Middlebury v3 counts the scenes with the harder light or structure half.
 MIDDLEBURY_WEIGHTS = dict.fromkeys(('PianoL', 'Playroom', 'Playtable', 'Shelves', 'Vintage'), 0.5)
@@ -72,11 +73,11 @@ def read_middlebury_scene(folder: Path) -> StereoScene:
     """Read one scene. ValueError or FileNotFoundError name the file that is missing or wrong."""
     left, right = read_image(folder / 'im0.png'), read_image(folder / 'im1.png')
     lines = read_text(folder / 'calib.txt', SETTINGS).splitlines()
-    ndisp = next((line.partition('=')[2].strip() for line in lines if line.startswith('ndisp=')), '')
-    if not (ndisp.isascii() and ndisp.isdigit() and len(ndisp) < 6 and int(ndisp)):
+    num_disparities = parse_ndisp(lines)
+    if num_disparities is None:
         raise ValueError(f'{folder / "calib.txt"}: no line ndisp=<number>')
     nonocc = read_image(folder / 'mask0nocc.png', cv2.IMREAD_GRAYSCALE) == 255
     truths = [folder / name for name in _TRUTH_NAMES if (folder / name).is_file()]
     if not truths:
         raise FileNotFoundError(f'{folder}: no {" nor ".join(_TRUTH_NAMES)} in it')
-    return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, int(ndisp))
+    return StereoScene(folder.resolve().name, left, right, read_pfm(truths[0]), nonocc, num_disparities)

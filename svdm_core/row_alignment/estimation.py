@@ -1,7 +1,7 @@
 """The row alignment of a camera from one or many of its pairs."""
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ _ROUNDS = 3
 """The vertex of a parabola is drawn to whole rows: what is left of an offset after resampling is measured better."""
 
 
-class _GreyPair(NamedTuple):
+class GreyPair(NamedTuple):
     left: Uint8
     right: Uint8
 
@@ -30,10 +30,13 @@ def estimate_row_alignment(
     and where the field would not make the offsets significantly smaller, as in pairs whose rows are aligned. The same
     images give the same alignment. Raises ValueError where sizes differ.
     """
-    grey = _grey_pairs(pairs)
-    if not grey:
-        return None
-    shape, search = grey[0].left.shape, (min_disparity, min_disparity + num_disparities - 1)
+    grey = grey_pairs(pairs)
+    return estimate_grey(grey, (min_disparity, min_disparity + num_disparities - 1)) if grey else None
+
+
+def estimate_grey(grey: Sequence[GreyPair], search: tuple[int, int]) -> RowAlignment | None:
+    """`estimate_row_alignment` of one grey pair or more; search: smallest and largest disparity."""
+    shape = grey[0].left.shape
     found: RowAlignment | None = None
     for _ in range(_ROUNDS):
         points = pooled([off_by(found, pair, search) for pair in grey])
@@ -56,14 +59,15 @@ def off_by(
     return points._replace(dy=points.dy + known.offsets(points.x_right, points.y))
 
 
-def _grey_pairs(pairs: Iterable[tuple[Image, Image]] | tuple[Image, Image]) -> list[_GreyPair]:
+def grey_pairs(pairs: Iterable[tuple[Image, Image]] | tuple[Image, Image]) -> list[GreyPair]:
+    """One pair or several. Raises ValueError where they are not all of one size."""
     if isinstance(pairs, tuple) and len(pairs) == 2 and all(isinstance(image, np.ndarray) for image in pairs):
         pairs = [pairs]  # type: ignore[list-item]
-    grey: list[_GreyPair] = []
+    grey: list[GreyPair] = []
     for left, right in pairs:
-        pair = _GreyPair(grey_of(left), grey_of(right))
-        if pair.left.shape != pair.right.shape or pair.left.shape != (grey or [pair])[0].left.shape:
-            sizes = ', '.join(f'{image.shape[1]} x {image.shape[0]}' for image in (*pair, (grey or [pair])[0].left))
-            raise ValueError(f'images of different sizes, {sizes} px: pairs must be of one size')
+        pair = GreyPair(grey_of(left), grey_of(right))
         grey.append(pair)
+        sizes = {image.shape: f'{image.shape[1]} x {image.shape[0]}' for image in (*pair, grey[0].left)}
+        if len(sizes) > 1:
+            raise ValueError(f'images of {" and ".join(sizes.values())} px: all must have the same size')
     return grey

@@ -19,8 +19,10 @@ _PATCH = 5
 """Patches are 11 x 11 px."""
 _ROWS = 8
 """Rows searched up and down: far more than is believed, so that what repeats is seen to."""
-_FURTHEST = 2.0
+FURTHEST = 2.0
 """px, largest offset that is believed."""
+FURTHEST_SEEN = _ROWS - 1.0
+"""px, largest offset that can be seen, of pairs that are far from rectified."""
 _ALIKE = 0.9
 """Least correlation of two patches."""
 _AROUND, _BETTER = 2, 0.05
@@ -63,8 +65,10 @@ class _Strip(NamedTuple):
     first: int
 
 
-def measured(left: Uint8, right: Uint8, search: tuple[int, int], most: int = MOST_CORNERS) -> RowPoints:
-    """`measure_rows` of grey images (H, W); search: smallest and largest disparity."""
+def measured(
+    left: Uint8, right: Uint8, search: tuple[int, int], most: int = MOST_CORNERS, furthest: float = FURTHEST,
+) -> RowPoints:
+    """`measure_rows` of grey images (H, W); search: smallest and largest disparity; furthest: largest offset, px."""
     if left.shape[0] < 2 * (_PATCH + _ROWS) + 1 or left.shape[1] < 2 * _PATCH + 1:
         return NO_POINTS
     corners: NDArray[Any] | None = cv2.goodFeaturesToTrack(left, most, _QUALITY, _APART)
@@ -74,7 +78,7 @@ def measured(left: Uint8, right: Uint8, search: tuple[int, int], most: int = MOS
     for x, y in corners.reshape(-1, 2).astype(np.intp).tolist():
         strip = _strip(right, x, y, search)
         place = None if strip is None else _found(left[y - _PATCH:y + _PATCH + 1, x - _PATCH:x + _PATCH + 1], strip)
-        if place is not None:
+        if place is not None and abs(place[1]) <= furthest:
             found.append((place[0], y, place[1]))
     return RowPoints(*np.array(found, np.float64).reshape(-1, 3).T.copy())
 
@@ -99,7 +103,7 @@ def _found(patch: Uint8, strip: _Strip) -> tuple[int, float] | None:
     row, column = divmod(int(alike.argmax()), alike.shape[1])
     best = float(alike[row, column])
     offset = row - _ROWS
-    if not _ALIKE <= best <= 1.01 or abs(offset) > _FURTHEST:  # flat places may have any number, NaN too
+    if not _ALIKE <= best <= 1.01 or abs(offset) > FURTHEST_SEEN:  # flat places may have any number, NaN too
         return None
     # A flat place is like anything.
     if strip.pixels[row:row + 2 * _PATCH + 1, column:column + 2 * _PATCH + 1].std() < _CONTRAST:
@@ -110,4 +114,4 @@ def _found(patch: Uint8, strip: _Strip) -> tuple[int, float] | None:
         return None
     bend = above - 2 * best + below  # of the parabola through the three
     dy = offset + (0.5 * (above - below) / bend if bend < 0 else 0.0)
-    return (strip.first + column, dy) if abs(dy) <= _FURTHEST else None
+    return strip.first + column, dy
