@@ -8,7 +8,7 @@ import numpy as np
 
 from ..kernels.arrays import Image, Uint8
 from .alignment import RowAlignment, RowPoints
-from .fitting import FEWEST_POINTS, fit_rows, pooled
+from .fitting import fit_rows, guess_rows, pooled
 from .measurement import MOST_CORNERS, grey_of, measured
 
 _ROUNDS = 3
@@ -38,14 +38,11 @@ def estimate_grey(grey: Sequence[GreyPair], search: tuple[int, int]) -> RowAlign
     """`estimate_row_alignment` of one grey pair or more; search: smallest and largest disparity."""
     shape = grey[0].left.shape
     found: RowAlignment | None = None
-    for _ in range(_ROUNDS):
-        points = pooled([off_by(found, pair, search) for pair in grey])
-        if points.size < FEWEST_POINTS:
-            return None
-        found = fit_rows(points, shape, found)
+    for _ in range(_ROUNDS - 1):
+        found = guess_rows(pooled([off_by(found, pair, search) for pair in grey]), shape, found)
         if found is None:
             return None
-    return found
+    return fit_rows([off_by(found, pair, search) for pair in grey], shape, found)
 
 
 def off_by(

@@ -19,14 +19,15 @@ _SPREADS, _NARROWEST = 3.0, 0.25
 deviations and so many px."""
 _RIDGE = 0.001
 """Draws all coefficients but the constant to 0, as a share of the weights."""
-_TERM_COUNTS = (6, 4, 3, 1)
-"""Of TERMS, from the first on: all, without squares, a plane, a constant."""
+_TERM_COUNTS = (6, 4)
+"""Of TERMS, from the first on: all, or without squares. A plane or a constant alone are none: what real rigs have is
+mostly uv, of which points in a part of the image make a plane that is wrong everywhere else."""
 _LARGEST_ERROR = 0.1
 """px, standard error of the field anywhere in the image, at most; else it has fewer terms."""
 _CELLS = 8
 """Columns and rows of cells: what is fitted on the black ones of a chessboard is judged on the white ones."""
-_SPREAD = 3
-"""Least number of quarters of the image that have a tenth of the points each."""
+_QUARTERS, _IN_A_QUARTER = 3, 15
+"""Least number of quarters of the image that have so many points each."""
 _CAP = 1.0
 """px; an offset counts as much as this at most, so that wrong points do not decide."""
 _SIGNIFICANT = 4.0
@@ -38,8 +39,12 @@ _WITHIN, _SHARE_WITHIN = 0.5, 0.6
 
 
 class _Fit(NamedTuple):
-    """coefficients (6); weights of the points (N), 0..1; error: px, largest standard error of the field."""
+    """basis: TERMS (N, 6) of the points; first: coefficients (6) that it began with; number: how many were fitted;
+    coefficients (6); weights of the points (N), 0..1; error: px, largest standard error of the field."""
 
+    basis: Float64
+    first: Float64
+    number: int
     coefficients: Float64
     weights: Float64
     error: float
@@ -63,26 +68,36 @@ def fit_rows(
     that is nearly right, the fit's first guess. A field has as many of the terms as the points can tell.
     """
     known = pooled(points)
-    if known.size < FEWEST_POINTS or not _is_spread(known, shape):
+    fit = _fit(known, shape, start)
+    if fit is None or not _stands(known, fit, shape):
         return None
-    basis = terms(known.x_right, known.y, shape)
+    return _alignment(known, fit, shape)
+
+
+def guess_rows(points: RowPoints, shape: tuple[int, ...], start: RowAlignment | None) -> RowAlignment | None:
+    """The same without a test whether it is significant: a field from which to measure again."""
+    fit = _fit(points, shape, start)
+    return None if fit is None else _alignment(points, fit, shape)
+
+
+def _fit(points: RowPoints, shape: tuple[int, ...], start: RowAlignment | None) -> _Fit | None:
+    if not can_tell(points, shape):
+        return None
+    basis = terms(points.x_right, points.y, shape)
     first = np.zeros(len(TERMS)) if start is None else np.array(start.coefficients)
-    fit = _best_fit(basis, known.dy, first, shape)
-    if fit is None or not _stands(known, basis, fit, first, shape):
-        return None
-    return _alignment(known, basis, fit, shape)
+    return _best_fit(basis, points.dy, first, shape)
 
 
-def _alignment(points: RowPoints, basis: Float64, fit: _Fit, shape: tuple[int, ...]) -> RowAlignment:
+def _alignment(points: RowPoints, fit: _Fit, shape: tuple[int, ...]) -> RowAlignment:
     kept = fit.weights > 0
-    before, after = points.dy[kept], (points.dy - basis @ fit.coefficients)[kept]
+    before, after = points.dy[kept], (points.dy - fit.basis @ fit.coefficients)[kept]
     first, second, third, fourth, fifth, sixth = map(float, fit.coefficients)
     return RowAlignment((first, second, third, fourth, fifth, sixth), shape[1], shape[0], points.size,
                         _rms(before), _rms(after))
 
 
 def _best_fit(basis: Float64, dy: Float64, first: Float64, shape: tuple[int, ...]) -> _Fit | None:
-    """With as many terms as the points can tell; None where they cannot even tell a constant."""
+    """With as many terms as the points can tell; None where they are too few, or too near to each other."""
     for count in _TERM_COUNTS:
         fit = robust_fit(basis, dy, first, count, shape)
         if fit.error <= _LARGEST_ERROR:
@@ -110,7 +125,7 @@ def robust_fit(basis: Float64, dy: Float64, first: Float64, count: int, shape: t
         ridge[0] = 1e-12
         change = np.linalg.solve(normal + np.diag(ridge), (own * weights[:, None]).T @ wanted)
     start[:count] += change
-    return _Fit(start, weights, _error(own, weights, max(spread, 0.02), _grid(shape)[:, :count]))
+    return _Fit(basis, first, count, start, weights, _error(own, weights, max(spread, 0.02), _grid(shape)[:, :count]))
 
 
 def _error(own: Float64, weights: Float64, spread: float, grid: Float64) -> float:
@@ -126,27 +141,40 @@ def _grid(shape: tuple[int, ...]) -> Float64:
     return terms(x.ravel(), y.ravel(), shape)
 
 
-def _is_spread(points: RowPoints, shape: tuple[int, ...]) -> bool:
+def can_tell(points: RowPoints, shape: tuple[int, ...]) -> bool:
+    """Whether there are enough points, and not all in a part of the image."""
+    if points.size < FEWEST_POINTS:
+        return False
     quarter = 2 * (points.y >= shape[0] / 2) + (points.x_right >= shape[1] / 2)
-    return int((np.bincount(quarter.astype(np.intp), minlength=4) >= 0.1 * points.size).sum()) >= _SPREAD
+    return int((np.bincount(quarter.astype(np.intp), minlength=4) >= _IN_A_QUARTER).sum()) >= _QUARTERS
 
 
-def _stands(points: RowPoints, basis: Float64, fit: _Fit, first: Float64, shape: tuple[int, ...]) -> bool:
+def _stands(points: RowPoints, fit: _Fit, shape: tuple[int, ...]) -> bool:
     """Whether the field makes offsets smaller at places that it was not fitted on, and most points are near to it."""
+    basis = fit.basis
     near = np.abs(points.dy - basis @ fit.coefficients) <= _WITHIN
     if near.mean() < _SHARE_WITHIN:
         return False
-    count = int(np.flatnonzero(fit.coefficients).max(initial=0)) + 1
     before, after = np.minimum(np.abs(points.dy), _CAP), np.zeros(points.size)
     black = _is_black(points, shape)
     for judged in (black, ~black):
         if min(judged.sum(), (~judged).sum()) < FEWEST_POINTS // 4:
             return False
-        half = robust_fit(basis[~judged], points.dy[~judged], first, count, shape)
+        half = robust_fit(basis[~judged], points.dy[~judged], fit.first, fit.number, shape)
         after[judged] = np.minimum(np.abs(points.dy - basis @ half.coefficients)[judged], _CAP)
-    gain = before - after
-    return bool(after.mean() <= _SMALLER * before.mean()
-                and gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(points.size))
+    return bool(after.mean() <= _SMALLER * before.mean()) and _is_significant(before - after)
+
+
+def is_better(points: RowPoints, rows: RowAlignment, than: RowAlignment) -> bool:
+    """Whether points are significantly nearer to the one field than to the other."""
+    near, far = (np.minimum(np.abs(points.dy - field.offsets(points.x_right, points.y)), _CAP)
+                 for field in (rows, than))
+    return _is_significant(far - near)
+
+
+def _is_significant(gain: Float64) -> bool:
+    """Whether the mean of what each point gains is above chance."""
+    return bool(gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(gain.size))
 
 
 def _is_black(points: RowPoints, shape: tuple[int, ...]) -> Bool:

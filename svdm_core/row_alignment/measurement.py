@@ -1,6 +1,7 @@
 """Where in the right image, in which row, corners of the left one are found again."""
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import cv2
@@ -14,7 +15,7 @@ MOST_CORNERS = 1500
 _QUALITY = 0.005
 """Least strength of a corner, relative to the strongest."""
 _APART = 7
-"""px between corners, at least."""
+"""px between corners."""
 _PATCH = 5
 """Patches are 11 x 11 px."""
 _ROWS = 8
@@ -71,7 +72,7 @@ def measured(
     """`measure_rows` of grey images (H, W); search: smallest and largest disparity; furthest: largest offset, px."""
     if left.shape[0] < 2 * (_PATCH + _ROWS) + 1 or left.shape[1] < 2 * _PATCH + 1:
         return NO_POINTS
-    corners: NDArray[Any] | None = cv2.goodFeaturesToTrack(left, most, _QUALITY, _APART)
+    corners: NDArray[Any] | None = cv2.goodFeaturesToTrack(left, most, _QUALITY, _apart(left, most))
     if corners is None:
         return NO_POINTS
     found = []
@@ -81,6 +82,11 @@ def measured(
         if place is not None and abs(place[1]) <= furthest:
             found.append((place[0], y, place[1]))
     return RowPoints(*np.array(found, np.float64).reshape(-1, 3).T.copy())
+
+
+def _apart(image: Uint8, most: int) -> float:
+    """px between corners: where only few are wanted, they are spread over the image."""
+    return _APART if most >= MOST_CORNERS else max(_APART, math.sqrt(image.size / (4 * most)))
 
 
 def _strip(right: Uint8, x: int, y: int, search: tuple[int, int]) -> _Strip | None:
