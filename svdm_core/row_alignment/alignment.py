@@ -20,6 +20,9 @@ TERMS = ('1', 'u', 'v', 'uv', 'v^2', 'u^2')
 """Of the field, in the order of the coefficients."""
 LARGEST_COEFFICIENT = 100.0
 """px; far beyond what a pair called rectified can have."""
+LARGEST_SIDE = 32766
+"""px; OpenCV resamples no larger images."""
+_MOST_POINTS = 10**9
 _HEADING = 'row_alignment'
 _COMMENT = '# How far the rows of a stereo pair are apart, for `svdm match --align-rows`.\n'
 
@@ -44,10 +47,10 @@ class RowAlignment:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'coefficients', _coefficients(self.coefficients))
-        for name, low in (('width', 1), ('height', 1), ('points', 0)):
+        for name, low, high in (('width', 1, LARGEST_SIDE), ('height', 1, LARGEST_SIDE), ('points', 0, _MOST_POINTS)):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < low:
-                raise ValueError(f'{name} = {shown(value)} is not allowed: it must be an integer, {low} or more')
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
+                raise ValueError(f'{name} = {shown(value)} is not allowed: it must be an integer, {low} to {high}')
             object.__setattr__(self, name, int(value))
         for name in ('residual_before', 'residual_after'):
             value = getattr(self, name)

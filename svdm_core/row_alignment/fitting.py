@@ -26,7 +26,7 @@ _LARGEST_ERROR = 0.1
 """px, standard error of the field anywhere in the image, at most; else it has fewer terms."""
 _CELLS = 8
 """Columns and rows of cells: what is fitted on the black ones of a chessboard is judged on the white ones."""
-_QUARTERS, _IN_A_QUARTER = 3, 15
+_QUARTERS, _IN_A_QUARTER = 3, 10
 """Least number of quarters of the image that have so many points each."""
 _CAP = 1.0
 """px; an offset counts as much as this at most, so that wrong points do not decide."""

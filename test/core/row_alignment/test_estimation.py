@@ -32,6 +32,11 @@ def test_random_fields_up_to_two_pixels_are_recovered(scene):
     assert max(errors) <= ENOUGH, errors
 
 
+def test_offsets_beyond_what_a_search_believes_are_found_in_the_next():
+    field = RowAlignment((0, 0, 0, 3.4, 0, 0), WIDTH, HEIGHT)
+    assert difference(estimate_row_alignment(pair('speckles', field), *SEARCH), field) <= ENOUGH
+
+
 def test_the_aligned_image_is_the_one_without_the_field():
     left, right = pair('speckles', FIELD, noise=0)
     rows = estimate_row_alignment((left, right), *SEARCH)
