@@ -9,13 +9,15 @@ import cv2
 import numpy as np
 import oracles
 import pytest
+import row_scenes
 from checkout import CHECKOUT
 from scenes import noise, shifted_wall, two_walls
 
 import svdm_core
-from svdm_core import MatcherParameters, StereoMatcher, load_preset, preset_names
+from svdm_core import MatcherParameters, RowAlignment, StereoMatcher, load_preset, preset_names
 from svdm_core.cost_aggregation.spanning_forest import SpanningTrees
 
+ROWS = RowAlignment((0.9, 0, 0, 0.9, 0, 0), row_scenes.WIDTH, row_scenes.HEIGHT)
 SMALL = MatcherParameters(num_disparities=20, w_p=7)
 BOX = {'aggregation': 'box', 'paths': 3}
 
@@ -361,3 +363,31 @@ def test_nothing_of_ros_is_loaded():
     run = subprocess.run([sys.executable, '-c', code], cwd=CHECKOUT, check=True, capture_output=True, text=True)
     loaded = set(run.stdout.split())
     assert not ROS & loaded and 'numba' in loaded
+
+
+# Rows
+
+
+def test_rows_are_aligned_first_and_their_time_is_told():
+    left, right = row_scenes.pair('slanted speckles', ROWS)
+    matcher = StereoMatcher(load_preset('fast').replace(num_disparities=24), 1)
+    plain, aligned = matcher.compute(left, right), matcher.compute(left, right, ROWS)
+    by_hand = matcher.compute(left, ROWS.apply(right))
+    np.testing.assert_array_equal(aligned.disparity, by_hand.disparity)
+    np.testing.assert_array_equal(aligned.valid, by_hand.valid)
+    assert 'row_alignment' not in plain.timings and aligned.timings['row_alignment'] > 0
+    assert aligned.timings['total'] == pytest.approx(
+        sum(time for stage, time in aligned.timings.items() if stage != 'total'))
+    errors = [np.abs(one.disparity - row_scenes.truth('slanted speckles')).mean() for one in (plain, aligned)]
+    assert errors[1] < 0.7 * errors[0]
+    refined = matcher.refine(matcher.match(left, right, ROWS))
+    np.testing.assert_array_equal(refined.disparity, aligned.disparity)
+    assert refined.timings['row_alignment'] > 0
+
+
+def test_an_alignment_of_another_size_is_refused_and_the_matcher_goes_on():
+    left, right = row_scenes.pair('leaves', ROWS)
+    matcher = StereoMatcher(load_preset('fast').replace(num_disparities=24), 1)
+    with pytest.raises(ValueError, match=r'^images of 100 x 200 px cannot be aligned by a row alignment for 280 x 200'):
+        matcher.compute(left[:, :100], right[:, :100], ROWS)
+    assert matcher.compute(left[:, :100], right[:, :100]).disparity.shape == (200, 100)

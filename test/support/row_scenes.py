@@ -58,6 +58,13 @@ def pair(scene, field, seed=0, noise=1.5):
                  for image in (left, right))
 
 
+def truth(scene, seed=0):
+    """Disparity (H, W) of the left image, px."""
+    random = np.random.default_rng(seed)
+    texture, depth = SCENES[scene]
+    return depth(texture(random), random)[1]
+
+
 def _sampled(texture, leftwards, down):
     """(H, W) of the texture: at (x - leftwards, y + down)."""
     x, y = np.broadcast_arrays(*pixel_grid(HEIGHT, WIDTH))

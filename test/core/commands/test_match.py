@@ -1,16 +1,19 @@
 import cv2
 import numpy as np
 import pytest
+from row_scenes import HEIGHT, WIDTH
+from row_scenes import pair as pair_with_rows
 from scene_files import files_of
 from scenes import noise, shifted_wall
 
-from svdm_core import StereoMatcher, load_preset, preset_names
+from svdm_core import RowAlignment, StereoMatcher, estimate_row_alignment, load_preset, preset_names
 from svdm_core.commands import cli
 from svdm_core.files.disparity_files import encode_disparity
 from svdm_core.files.pfm import read_pfm
 from svdm_core.presets import preset_folder
 
 SHIFT = 7
+ROWS = RowAlignment((0.5, 0, 0, 0.7, 0, 0), WIDTH, HEIGHT)
 SETTINGS = ['--set', 'num_disparities=16', '--threads', '1']
 
 
@@ -161,3 +164,51 @@ def test_a_full_disk_leaves_nothing_behind(pair, tmp_path, monkeypatch, capsys):
     assert match(pair, '-o', tmp_path / 'a.pfm', '--force') == 2
     assert 'a.pfm: cannot be written: No space left on device' in capsys.readouterr().err
     assert files_of(tmp_path) == before
+
+
+# Rows
+
+
+@pytest.fixture
+def misaligned(tmp_path):
+    write_pair(tmp_path, *pair_with_rows('leaves', ROWS))
+    return [str(tmp_path / name) for name in ('left.png', 'right.png')]
+
+
+def write_pair(folder, left, right):
+    for name, image in (('left.png', left), ('right.png', right)):
+        cv2.imwrite(str(folder / name), image)
+
+
+def test_rows_are_aligned_by_what_the_pair_shows_or_by_a_file(misaligned, tmp_path, capsys):
+    left, right = pair_with_rows('leaves', ROWS)
+    matcher = StereoMatcher(load_preset('fast').replace(num_disparities=24), 1)
+    arguments = ['match', *misaligned, '--preset', 'fast', '--set', 'num_disparities=24', '-o', str(tmp_path / 'a.npy')]
+    assert cli.main([*arguments, '--align-rows']) == 0
+    rows = estimate_row_alignment((left, right), 0, 24)
+    np.testing.assert_array_equal(np.load(tmp_path / 'a.npy'), matcher.compute(left, right, rows).disparity)
+    assert f'{rows.residual_before:.2f} to {rows.residual_after:.2f} px' in capsys.readouterr().out
+    ROWS.save(tmp_path / 'rows.yaml')
+    assert cli.main([*arguments, '--align-rows', str(tmp_path / 'rows.yaml'), '--force']) == 0
+    np.testing.assert_array_equal(np.load(tmp_path / 'a.npy'), matcher.compute(left, right, ROWS).disparity)
+
+
+def test_aligned_rows_are_said_to_be(tmp_path, capsys):
+    write_pair(tmp_path, *pair_with_rows('leaves', RowAlignment.identity(ROWS.width, ROWS.height)))
+    images = [str(tmp_path / name) for name in ('left.png', 'right.png')]
+    assert match(images, '-o', tmp_path / 'a.npy', '--align-rows') == 0
+    assert 'rows: nothing significant to correct' in capsys.readouterr().out
+
+
+def test_an_alignment_that_does_not_fit_is_refused_in_one_line(pair, tmp_path, capsys):
+    ROWS.save(tmp_path / 'rows.yaml')
+    (tmp_path / 'bad.yaml').write_text('width: 3')
+    for name, words in (('rows.yaml', 'cannot be aligned by a row alignment for 280 x 200 px'),
+                        ('bad.yaml', 'bad.yaml: no row alignment'), ('none.yaml', 'there is no such file')):
+        assert match(pair, '-o', tmp_path / 'a.pfm', '--align-rows', tmp_path / name) == 2
+        error = capsys.readouterr().err
+        assert words in error and len(error.splitlines()) == 1
+    assert not (tmp_path / 'a.pfm').exists()
+    with pytest.raises(SystemExit):
+        cli.main(['match', '--align-rows', *pair])
+    assert 'write --align-rows behind the images' in capsys.readouterr().err

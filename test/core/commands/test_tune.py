@@ -188,3 +188,11 @@ def test_the_papers_study_on_the_papers_images(tmp_path, capsys):
     theirs = [table.nonocc[table.values.index(value)] for value in (1, 11, 31)]
     assert ours[0] > ours[1] + 1 and ours[1] > ours[2]
     assert all(1.5 < a - b < 2.6 for a, b in zip(ours, theirs, strict=True))
+
+
+def test_rows_are_aligned_first_and_that_is_told(folder, tmp_path, capsys):
+    run(folder, '--vary', 'alpha=5', '--scenes', 'Attic', '--threads', 1, '--align-rows', '--json', tmp_path / 'a.json',
+        '--html', tmp_path / 'a.html')
+    told = 'rows aligned in 0 of 1 scenes; as they are, nothing significant to correct: Attic'
+    assert told in capsys.readouterr().out and told in (tmp_path / 'a.html').read_text()
+    assert json.loads((tmp_path / 'a.json').read_text())['row_alignment'] == {'Attic': None}

@@ -93,7 +93,8 @@ def test_an_image_of_another_size_or_kind_is_refused_in_one_line(image, words):
     ({'coefficients': (1, 2, 3, 4, 5, 101)}, 'coefficients: 101 is not allowed'),
     ({'coefficients': (1, 2, 3, 4, 5, '6')}, "coefficients: '6' is not allowed"),
     ({'coefficients': 'abcdef'}, "coefficients = 'abcdef' is not allowed"),
-    ({'width': 0}, 'width = 0 is not allowed'), ({'height': 32767}, 'it must be an integer, 1 to 32766'), ({'height': 2.5}, 'height = 2.5 is not allowed'),
+    ({'width': 0}, 'width = 0 is not allowed'), ({'height': 32767}, 'it must be an integer, 1 to 32766'),
+    ({'height': 2.5}, 'height = 2.5 is not allowed'),
     ({'points': -1}, 'points = -1 is not allowed'), ({'width': True}, 'width = True is not allowed'),
     ({'residual_after': math.inf}, 'residual_after = inf is not allowed'),
     ({'residual_before': -1}, 'residual_before = -1 is not allowed')])
