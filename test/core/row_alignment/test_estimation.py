@@ -32,6 +32,17 @@ def test_random_fields_up_to_two_pixels_are_recovered(scene):
     assert max(errors) <= ENOUGH, errors
 
 
+def test_sharp_images_do_not_draw_it_to_whole_rows():
+    fine = np.random.default_rng(0).normal(0, 1, (8 * HEIGHT, WIDTH + 9))
+    fine = cv2.GaussianBlur(fine, (0, 0), sigmaX=0.5, sigmaY=4)
+    fine = 128 + 40 * fine / fine.std()
+    left, right = (np.roll(fine, 2 * down, axis=0).reshape(HEIGHT, 8, -1).mean(1)  # a pixel sees 8 rows of it
+                   for down in (0, 1))
+    images = (np.clip(np.rint(image), 0, 255).astype(np.uint8) for image in (left[:, :WIDTH], right[:, 9:]))
+    rows = estimate_row_alignment(tuple(images), *SEARCH)
+    assert difference(rows, RowAlignment((0.25, 0, 0, 0, 0, 0), WIDTH, HEIGHT)) <= 0.02  # 0.07 after one round
+
+
 def test_offsets_beyond_what_a_search_believes_are_found_in_the_next():
     field = RowAlignment((0, 0, 0, 3.4, 0, 0), WIDTH, HEIGHT)
     assert difference(estimate_row_alignment(pair('speckles', field), *SEARCH), field) <= ENOUGH

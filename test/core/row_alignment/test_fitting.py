@@ -40,13 +40,18 @@ def test_points_of_several_pairs_are_pooled():
 
 
 def test_a_third_of_wrong_points_does_not_matter_and_chance_is_no_field():
-    points = points_of(FIELD, 600)
-    wrong = np.random.default_rng(1).uniform(-2, 2, 600)
-    third = points._replace(dy=np.where(np.arange(600) % 3 == 0, wrong, points.dy))
+    wrong, chance = np.random.default_rng(1).uniform(-2, 2, 2000), np.random.default_rng(2).uniform(0, 1, 2000)
+    points = points_of(FIELD, 2000)
+    third, most = (points._replace(dy=np.where(chance < share, wrong, points.dy)) for share in (0.33, 0.6))
     assert largest_difference(fit_rows(third, SHAPE), FIELD) < 0.15
-    half = np.where(np.arange(600) % 2 == 0, wrong, points.dy)
-    assert fit_rows(points._replace(dy=np.where(np.arange(600) % 10 < 5, wrong, half)), SHAPE) is None
+    assert fit_rows(most, SHAPE) is None
     assert fit_rows(points._replace(dy=wrong), SHAPE) is None
+
+
+def test_what_makes_no_difference_is_no_field_however_many_points_say_so():
+    small, large = (RowAlignment((constant, 0, 0, 0, 0, 0), 400, 300) for constant in (0.03, 0.15))
+    assert fit_rows(points_of(small, 20000), SHAPE) is None
+    assert largest_difference(fit_rows(points_of(large, 20000), SHAPE), large) < 0.02
 
 
 def test_fewer_than_60_points_are_no_field():
