@@ -11,8 +11,10 @@ from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from svdm_core.commands.argument_types import size as size_type
+
 from ..processes.camera import camera_info_message, image_message, serve
-from .good_pairs import COUNT, SIZE, frame_id, good_pairs, hostile_calibrations_come
+from .good_pairs import COUNT, Size, frame_id, good_pairs, hostile_calibrations_come
 from .hostile_messages import MAKERS, hostile_bytes
 
 _JUMP = 0.002
@@ -25,8 +27,9 @@ _RAW = 0.4
 class SoakCamera:
     """As processes.camera.Camera; rclpy must be up."""
 
-    def __init__(self, first: int, seed: int, hostile: int) -> None:
-        """first: number of the first pair. hostile: messages after each pair."""
+    def __init__(self, size: Size, first: int, seed: int, hostile: int) -> None:
+        """size: of the good pairs. first: number of the first pair. hostile: messages after each pair; 0: no jumps of
+        time either."""
         self._node = rclpy.create_node('soak_camera')
         self._chance = random.Random(f'{seed} {first}')
         self._number, self._hostile, self._offset = first, hostile, 0
@@ -36,9 +39,9 @@ class SoakCamera:
                                (CompressedImage, 'image_rect/compressed')):
                 self._publishers[side, kind] = self._node.create_publisher(
                     kind, f'{side}/{name}', qos_profile_sensor_data)
-        width, height = SIZE
+        width, height = size
         self._infos = {side: camera_info_message(side, height, width) for side in ('left', 'right')}
-        self._pairs = [dict(zip(('left', 'right'), map(image_message, pair), strict=True)) for pair in good_pairs()]
+        self._pairs = [dict(zip(('left', 'right'), map(image_message, pair), strict=True)) for pair in good_pairs(size)]
 
     def has_listeners(self) -> bool:
         """Whether somebody takes the good pairs."""
@@ -51,7 +54,7 @@ class SoakCamera:
 
     def send(self, *, images: bool) -> int:
         """Publish the calibration, with a pair and hostile messages if wanted; the stamp, ns."""
-        if self._chance.random() < _JUMP:
+        if self._hostile and self._chance.random() < _JUMP:
             self._offset = self._chance.randrange(-_LONGEST_JUMP_NS, _LONGEST_JUMP_NS)
         now = time.time_ns()
         stamp = now + self._offset
@@ -89,8 +92,9 @@ def main() -> None:
     parser.add_argument('--seed', type=int, required=True)
     parser.add_argument('--first', type=int, default=0, help='number of the first pair')
     parser.add_argument('--hostile', type=int, default=2, help='hostile messages after each pair')
+    parser.add_argument('--size', type=size_type, required=True, metavar='WxH', help='of the good pairs, px')
     options = parser.parse_args()
-    serve(lambda: SoakCamera(options.first, options.seed, options.hostile), options.rate)
+    serve(lambda: SoakCamera(options.size, options.first, options.seed, options.hostile), options.rate)
 
 
 if __name__ == '__main__':

@@ -19,8 +19,8 @@ from ..processes.camera import camera_info_message, image_message
 from ..processes.scene import load_scene
 
 COUNT = 4
-SIZE = (320, 240)
-"""Width and height, px."""
+Size = tuple[int, int]
+"""Width and height of images, px."""
 _SEPARATOR = ' '
 _CYCLE, _HOSTILE, _SURE = 20, 10, 12
 """s: hostile calibrations come in the first ten of twenty seconds; from the twelfth on, a right one has surely come."""
@@ -28,22 +28,23 @@ _BY_CALIBRATION = frozenset(('f', 't', 'min_disparity', 'max_disparity', 'image.
 
 
 @functools.cache
-def good_pairs() -> tuple[tuple[NDArray[np.uint8], NDArray[np.uint8]], ...]:
-    """COUNT grey pairs of SIZE: the scene, its rows turned round by a number that differs."""
+def good_pairs(size: Size) -> tuple[tuple[NDArray[np.uint8], NDArray[np.uint8]], ...]:
+    """COUNT grey pairs: the scene, its rows turned round by a number that differs."""
     scene = load_scene()
-    views = [cv2.resize(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), SIZE, interpolation=cv2.INTER_AREA)
+    views = [cv2.resize(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), size, interpolation=cv2.INTER_AREA)
              for pixels in (scene.left, scene.right)]
     return tuple(tuple(np.roll(np.asarray(view, np.uint8), 37 * index, axis=0) for view in views)  # type: ignore[misc]
                  for index in range(COUNT))
 
 
-def expected_answers(parameters: NodeParameters) -> list[DisparityImage]:
-    """What the node has to publish for each of the pairs, but for the header."""
-    width, height = SIZE
+def expected_answers(parameters: NodeParameters, size: Size) -> list[DisparityImage]:
+    """What the node has to publish for each of the pairs, except the header. FrameError where the pairs are too small.
+    """
+    width, height = size
     processor = FrameProcessor()
     left_info, right_info = (camera_info_message(side, height, width) for side in ('left', 'right'))
     frames = [StereoFrame(image_message(left), image_message(right), left_info, right_info, arrived=0.0)
-              for left, right in good_pairs()]
+              for left, right in good_pairs(size)]
     made = [disparity_image(processor.process(frame, parameters).frame, rclpy_types()) for frame in frames]
     return [deserialize_message(serialize_message(message), DisparityImage) for message in made]  # f and t are float32
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-_MEGABYTE = 1e6
+MEGABYTE = 1e6
 _MOST_OTHER = 0.02
 """Share of the answers compared that may have another calibration."""
 _SETTLING = 1 / 3
@@ -38,12 +38,18 @@ class Minute:
 
 @dataclasses.dataclass(slots=True)
 class Tally:
-    """minutes: in their order. faults: what was wrong, by kind. deaths: of the node or a camera, unasked."""
+    """minutes: in their order. faults: what was wrong, by kind. deaths: of the node or a camera, unasked. samples: s
+    since the start and RSS of the node, bytes. pairs, published, dropped (by reason): the node's own counts, asked at
+    the end of a steady run.
+    """
 
     minutes: list[Minute] = dataclasses.field(default_factory=list)
     faults: dict[str, list[str]] = dataclasses.field(default_factory=dict)
     deaths: int = 0
     samples: list[tuple[float, int]] = dataclasses.field(default_factory=list)
+    pairs: int = 0
+    published: int = 0
+    dropped: dict[str, int] = dataclasses.field(default_factory=dict)
 
     def minute(self, seconds: float) -> Minute:
         """The one that holds a moment, s since the start."""
@@ -65,7 +71,7 @@ class Tally:
         if len(late) < 10:
             return float('nan')
         seconds, sizes = np.array(late, float).T
-        return float(np.polyfit(seconds, sizes, 1)[0]) * 3600 / _MEGABYTE
+        return float(np.polyfit(seconds, sizes, 1)[0]) * 3600 / MEGABYTE
 
     @property
     def is_well(self) -> bool:
@@ -96,5 +102,5 @@ def verdict(tally: Tally) -> str:
 
 
 def _row(name: str, minute: Minute, p99: str) -> Sequence[str]:
-    rss = f'{statistics.median(minute.rss) / _MEGABYTE:.0f}' if minute.rss else ''
+    rss = f'{statistics.median(minute.rss) / MEGABYTE:.0f}' if minute.rss else ''
     return (name, *(str(getattr(minute, count)) for count in _COUNTS), p99, rss)

@@ -85,10 +85,11 @@ def test_the_verdict():
     assert not Tally().is_well  # nothing was compared
 
 
-def test_a_wrong_argument_is_named(capsys):
+@pytest.mark.parametrize(('name', 'value'), [('--minutes', '0'), ('--size', '64x480')])
+def test_a_wrong_argument_is_named(name, value, capsys):
     with pytest.raises(SystemExit) as end:
-        main(['--minutes', '0'])
-    assert end.value.code == 2 and "'0' is not allowed" in capsys.readouterr().err
+        main([name, value])
+    assert end.value.code == 2 and f"'{value}' is not allowed" in capsys.readouterr().err
 
 
 PLANTED = """
@@ -98,8 +99,8 @@ from svdm_ros.soak.__main__ import main
 
 run._CALM, run._STOPPED, run._VARIATIONS = 1.5, 0.3, ({},)
 right = run.expected_answers
-def planted(parameters):
-    answers = right(parameters)
+def planted(*given):
+    answers = right(*given)
     answers[0].image.data[5000] ^= 1
     return answers
 run.expected_answers = planted
