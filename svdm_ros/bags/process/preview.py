@@ -19,13 +19,15 @@ from .outputs import DISPARITY_TOPIC, pixels_of
 
 KINDS = ('mp4', 'png')
 _DEFAULT_RATE = 10.0
+_CODEC = 'vp09'
+"""VP9: browsers and players have it, and the wheels of OpenCV, which have no H.264."""
 
 
 def write_preview(bag: Path, kind: str) -> None:
     """Write preview.mp4, or preview/STAMP.png a disparity, into the folder of a bag.
 
-    Blue is the smallest disparity of the search range, red the largest, black invalid. Raises OSError where it cannot
-    be written.
+    The film is VP9 without the last column or row of odd sizes. Blue is the smallest disparity of the search range, red
+    the largest, black invalid. Raises OSError where it cannot be written.
     """
     with open_recording(bag) as recording:
         topic = recording.topics[DISPARITY_TOPIC]
@@ -56,9 +58,9 @@ def _write_film(messages: Iterator[Any], path: Path, rate: float) -> None:
         frame = picture(message)
         if writer is None:
             size = frame.shape[1], frame.shape[0]
-            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*'mp4v'), rate, size)
+            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*_CODEC), rate, size)
             if not writer.isOpened():
-                raise OSError(0, 'OpenCV has no encoder for mp4 here: take --preview png', str(path))
+                raise OSError(0, 'OpenCV has no encoder for VP9 here: take --preview png', str(path))
         writer.write(frame if frame.shape[1::-1] == size else np.asarray(cv2.resize(frame, size), np.uint8))
     if writer is not None:
         writer.release()
