@@ -17,7 +17,7 @@ from svdm_ros.soak.good_pairs import (
     parse_frame_id,
 )
 from svdm_ros.soak.hostile_messages import MAKERS, hostile_bytes
-from svdm_ros.soak.requests import outcome, request
+from svdm_ros.soak.requests import KERNELS, outcome, request
 from svdm_ros.soak.tally import COLUMNS, Minute, Tally, rows, verdict
 
 
@@ -40,6 +40,16 @@ def test_requests_follow_from_the_seed_and_half_of_them_are_as_they_should_be():
 
     assert taken(1) == taken(1) != taken(2)
     assert 0.2 < sum(after is not None for after in taken(1)) / 300 < 0.8
+
+
+def test_no_request_leads_to_other_kernels():
+    chance, current, asked = random.Random(7), NodeParameters(), set()
+    for _ in range(3000):
+        changes = request(chance)
+        asked |= changes.keys()
+        current = outcome(current, changes) or current
+    assert asked >= KERNELS and {name: current.value(name) for name in KERNELS} == {
+        name: NodeParameters().value(name) for name in KERNELS}
 
 
 @pytest.mark.parametrize('changes', [{'alhpa': 1.0}, {'alpha': float('nan')}, {'alpha': 2.0, 'w_p': 10}])
