@@ -38,12 +38,13 @@ help:  ## this list
 demo: $(READY)  ## the node at work on a real stereo pair; results in demo_output/
 	@"$(PYTHON)" -m svdm_ros.demo $(ARGS)
 
-# Two processes, a file of tests at a time in each; -n 0 in ARGS for one process, whose output -s shows.
+# Three processes on two cores, as half of the time of a test of the node is waiting; a file of tests at a time in each.
+# -n 0 in ARGS for one process, whose output -s shows.
 test: $(READY)  ## lint, then all tests (ARGS='-k name' for some of them)
 	@"$(MAKE)" --no-print-directory --jobs=2 --output-sync=target lint kernels
-	@"$(PYTHON)" -m pytest -n 2 --dist loadfile $(ARGS)
+	@"$(PYTHON)" -m pytest -n 3 --dist loadfile $(ARGS)
 
-# What most tests need, compiled once: two processes of tests would do it side by side.
+# What most tests need, compiled once: processes of tests would do it side by side.
 kernels: $(READY)
 	@"$(PYTHON)" -m svdm_core warmup
 

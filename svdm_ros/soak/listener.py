@@ -51,6 +51,12 @@ class Listener(Session):
         end = time.monotonic() + seconds
         self.wait_for(lambda: time.monotonic() >= end, seconds + 60, 'the clock stood still')
 
+    def drain(self, sent: int, seconds: float) -> None:
+        """Receive until the node has counted all pairs `sent` as published, or for so long."""
+        end = time.monotonic() + seconds
+        self.wait_for(lambda: self.count('published') >= sent or time.monotonic() >= end, seconds + 60,
+                      'the clock stood still')
+
     def _take_disparity(self, message: DisparityImage) -> None:
         known = parse_frame_id(message.header.frame_id)
         if known is None:

@@ -36,7 +36,7 @@ _SETTLE = 0.5  # s after a change, in which answers to what was sent before may 
 _STOPPED = 1.0  # s
 _LONGEST_REASON = 300
 _NUMBERS_A_CAMERA = 10**9
-_DRAIN = 5.0  # s after the last pair, in which it is answered and counted: the node tells its counts once a second
+_DRAIN = 10.0  # s after the last pair, in which it is answered and counted: the node tells its counts once a second
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ class Soak:
         self._camera.stop()
         self._camera = None
         self._sample()
-        self._listener.spend(_DRAIN)
+        self._listener.drain(self.tally.total('sent'), _DRAIN)
         self.tally.pairs, self.tally.published = map(self._listener.count, ('pairs', 'published'))
         self.tally.dropped = self._listener.dropped()
 

@@ -32,13 +32,15 @@ WIDTH, HEIGHT, SHIFT = 120, 90, 7
 FOCAL_LENGTH, BASELINE, PRINCIPAL_OFFSET = 100.0, 0.2, 2.5
 
 _domains = itertools.count(os.getpid() * 7)
-_HALF = 28 * (os.environ.get('PYTEST_XDIST_WORKER') == 'gw1')
+_DOMAINS, _SHARES = 56, 3
+_SHARE = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw')) % _SHARES
 
 
 def fresh_domain():
-    """A domain of its own for each test, and most likely for each test run: of 1 .. 28, or the second process of
-    tests of 29 .. 56. The demo and the benchmark take those above."""
-    return next(_domains) % 28 + 1 + _HALF
+    """A domain of its own for each test, and most likely for each test run: of 1 .. 56, of which each process of tests
+    has a third. The demo and the benchmark take those above."""
+    each = _DOMAINS // _SHARES
+    return next(_domains) % each + 1 + each * _SHARE
 
 
 def random_dots(width=WIDTH, height=HEIGHT, shift=SHIFT, seed=1):

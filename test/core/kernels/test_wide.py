@@ -185,7 +185,7 @@ import hashlib, sys
 sys.path.insert(0, "test/support")
 from scenes import noise
 from svdm_core import StereoMatcher, load_preset
-result = StereoMatcher(load_preset("fast").replace(num_disparities=32), 1).compute(noise(30, 50), noise(30, 50, seed=1))
+result = StereoMatcher(load_preset("fast"), 1).compute(noise(30, 70), noise(30, 70, seed=1))
 print(hashlib.sha256(result.disparity.tobytes() + result.valid.tobytes()).hexdigest())'''
 
 

@@ -61,8 +61,8 @@ def begin(bags, tmp_path):
         while len(names) < 2:
             line = process.stdout.readline()
             assert line, process.communicate()
-            name, done = line.split()
-            names |= {name} if int(done) else set()
+            name, *rest = line.split()  # the line of a bag that is finished before the other one begins has more words
+            names |= {name} if len(rest) == 1 and int(rest[0]) else set()
         return process, psutil.Process(process.pid).children(recursive=True)
 
     yield begun
