@@ -6,7 +6,7 @@ from hypothesis import settings
 
 from svdm_core.runtime.thread_waiting import wait_briefly
 
-wait_briefly()  # the processes of tests share the cores, and threads that spin while they wait took half of the time
+wait_briefly()  # processes of tests share the cores: threads that spin while they wait took up to half of the time
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = tempfile.mkdtemp(prefix='svdm_test_log_')
 settings.register_profile('steady', deadline=None, derandomize=True)
