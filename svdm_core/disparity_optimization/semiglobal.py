@@ -15,7 +15,19 @@ from ..kernels.stripes import OVERLAP, STRIPE, Rows, stripe_rows
 from ..kernels.tasks import share, whole_lines
 from ..kernels.wide import UNIT, Lanes
 from ..matching_cost.byte_costs import ByteCosts
-from .paths import ADDED, AVERAGED, FROM_LEFT, ROWS, Line, along_columns, along_rows, fill_vertices, take_winners
+from .paths import (
+    ADDED,
+    AVERAGED,
+    FROM_LEFT,
+    ROWS,
+    Line,
+    Masks,
+    RowWinners,
+    along_columns,
+    along_rows,
+    fill_vertices,
+    take_winners,
+)
 from .penalties import Penalties
 
 
@@ -37,13 +49,14 @@ class Views(NamedTuple):
 
 class StripeWinners(NamedTuple):
     """What comes out: left int16 (H, W), right int16 (rows, W), mirrored, disparity - min_disparity; vertex float32
-    (H, W), sub-pixel part of the left ones, or (0, 0) where it is not wanted. barrier: uint8 (lanes), 255 behind the
-    search range."""
+    (H, W), sub-pixel part of the left ones, or (0, 0) where it is not wanted. margin: uint8 (H, W), of the left ones,
+    as in `RowWinners`."""
 
     left: Int16
     right: Int16
     vertex: Float32
-    barrier: Uint8
+    margin: Uint8
+    masks: Masks
     num_disparities: int
 
 
@@ -191,7 +204,10 @@ def _finish_rows(
         steps = p1, penalties.down[way.side, (y + k) * width:]
         sums, kept = scratch.sums[k * row:(k + 1) * row], (y + k - way.first) * row
         more = scratch.below[kept:kept + row] if way.from_below else scratch.below[:0]
-        winner = winners.left[y + k] if way.side == 0 else winners.right[y + k]
-        take_winners(costs[k * row:], steps, scratch.line, sums, more, winners.barrier, winner, lanes)
+        if way.side == 0:
+            row_winners = RowWinners(winners.left[y + k], winners.margin[y + k])
+        else:
+            row_winners = RowWinners(winners.right[y + k], winners.margin[0, :0])
+        take_winners(costs[k * row:], steps, scratch.line, sums, more, winners.masks, row_winners, lanes)
         if way.side == 0 and winners.vertex.size > 0:
-            fill_vertices(sums, winner, winners.num_disparities, winners.vertex[y + k], lanes)
+            fill_vertices(sums, row_winners.disparity, winners.num_disparities, winners.vertex[y + k], lanes)

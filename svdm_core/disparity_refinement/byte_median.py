@@ -1,6 +1,6 @@
 """The bilateral weighted median of stage 4 (eqs 17-19) of the filled pixels, in bytes.
 
-Disparities, guide and weights have 8 bits; the exponential of eq 17 is (1 - x / 64)^64, squared six times in 16 bits.
+Disparities, guide and weights have 8 bits, see `similarity` for the exponential of eq 17.
 Against `weighted_median` one median in some hundreds is another, by 1 px mostly.
 """
 from __future__ import annotations
@@ -26,11 +26,11 @@ from ..kernels.wide import (
     shift_right,
     splat_wide,
     store_wide,
-    subtract_saturated,
     sum_wide,
     where_at_most,
     widen,
 )
+from .similarity import similarity, slope_of
 
 ROWS = 4
 """Rows of a task: filled pixels are spread unevenly."""
@@ -46,7 +46,7 @@ _SPARE = 64
 
 class MedianWindow(NamedTuple):
     """What the window weighs. side: px, odd. spatial: uint16 (side * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0
-    beside the window. slope, bits: see `_colour_weights`. columns: uint8 (W + 2 r + spare), 255 in the image, else 0.
+    beside the window. slope: see `similarity`. columns: uint8 (W + 2 r + spare), 255 in the image, else 0.
     label_bits: of the largest disparity."""
 
     side: int
@@ -66,8 +66,8 @@ def median_window(width: int, w_p: int, sigma_s: float, sigma_c: float, num_disp
     spatial[:, :w_p] = np.minimum(np.rint(65536 * near), 65535)
     columns = np.zeros(width + 2 * r + _SPARE + lanes, np.uint8)
     columns[r:r + width] = 255
-    slope = min(round(65536 * 256 / (64 * (255 * sigma_c) ** 2)), 65535)
-    return MedianWindow(w_p, spatial.reshape(-1), np.uint16(slope), columns, max(1, (num_disparities - 1).bit_length()))
+    return MedianWindow(w_p, spatial.reshape(-1), slope_of(sigma_c), columns,
+                        max(1, (num_disparities - 1).bit_length()))
 
 
 def window_lanes(w_p: int) -> Lanes:
@@ -77,12 +77,13 @@ def window_lanes(w_p: int) -> Lanes:
 
 class MedianMaps(NamedTuple):
     """labels: uint8 (H + 2 r, pitch), filled disparities; guide: uint8 (C, H + 2 r, pitch), grey levels; both with
-    margins of r, and room for a vector behind. valid, filled, vertex: (H, W), vertex or (0, 0).
-    fixed: uint16 (H, W), the map in 1 / STEPS px, written."""
+    margins of r, and room for a vector behind. valid, kept, filled, vertex: (H, W), vertex or (0, 0); kept: pixels that
+    have their disparity, the valid ones among them. fixed: uint16 (H, W), the map in 1 / STEPS px, written."""
 
     labels: Uint8
     guide: Uint8
     valid: Bool
+    kept: Bool
     filled: Int16
     vertex: Float32
     fixed: Uint16
@@ -121,7 +122,7 @@ def scratch_size(w_p: int) -> int:
 def take_medians(
     counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, window: MedianWindow, lanes: Lanes
 ) -> None:
-    """The finished map, ROWS rows a task: valid pixels keep their disparity, the rest get their median."""
+    """The finished map, ROWS rows a task: kept pixels have their disparity, the rest get their median."""
     share(_finish_rows, counter, end, arenas, (maps, window, lanes))
 
 
@@ -131,8 +132,8 @@ def _finish_rows(task: int, arena: Uint8, maps: MedianMaps, window: MedianWindow
     here = _pointers(maps, window, arena, len(lanes) * UNIT)
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
         for x in range(width):
-            if maps.valid[y, x]:
-                part = maps.vertex[y, x] if maps.vertex.size > 0 else np.float32(0)
+            if maps.kept[y, x]:
+                part = maps.vertex[y, x] if maps.vertex.size > 0 and maps.valid[y, x] else np.float32(0)
                 maps.fixed[y, x] = np.uint16(np.rint((np.float32(maps.filled[y, x]) + part) * np.float32(STEPS)))
             else:
                 maps.fixed[y, x] = STEPS * _median(here, y, x, lanes)
@@ -196,19 +197,8 @@ def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
         other = load_wide(at.guide, c * at.plane + (y + k) * at.pitch + x, lanes)
         difference = widen(maximum_wide(own, other) - minimum_wide(own, other))
         squares = add_saturated(squares, difference * difference)
-    share = subtract_saturated(splat_wide(np.uint16(65535), lanes), _sixty_fourth(squares, at.slope, lanes))
-    for _ in range(6):
-        share = multiply_high(share, share)
     spatial = load_wide(at.spatial, k * UNIT * len(lanes), lanes)
-    return narrow_wide(shift_right(multiply_high(share, spatial), 8))
-
-
-@kernel(inline=True)
-def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Any:
-    """squares * slope / 256, about 65535 where it does not fit."""
-    factor = splat_wide(slope, lanes)
-    high = minimum_wide(multiply_high(squares, factor), splat_wide(np.uint16(255), lanes))
-    return high * splat_wide(np.uint16(256), lanes) + shift_right(squares * factor, 8)
+    return narrow_wide(shift_right(multiply_high(similarity(squares, at.slope, lanes), spatial), 8))
 
 
 @kernel(inline=True)

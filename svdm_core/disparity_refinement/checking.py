@@ -1,4 +1,4 @@
-"""Stage 4, first half, by rows: left-right check (eq 15) and filling along scanlines (eq 16)."""
+"""Stage 4, first half, by rows: left-right check (eq 15), uniqueness, and filling along scanlines (eq 16)."""
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -14,7 +14,8 @@ from ..kernels.tasks import share
 class Checked(NamedTuple):
     """left: int16 (H, W), disparity - min_disparity; right: int16 (rows, W), mirrored, row y // every stands for row y.
 
-    valid: bool (H, W), where they agree. filled: int16 (H, W), the left ones, invalid pixels filled.
+    margin: uint8 (H, W), of `RowWinners`, or (0, 0); least: of it that a valid pixel has. valid: bool (H, W), where
+    they agree. filled: int16 (H, W), the left ones, invalid pixels filled.
     """
 
     left: Int16
@@ -22,6 +23,8 @@ class Checked(NamedTuple):
     every: int
     min_disparity: int
     tau_lr: np.float32
+    margin: Uint8
+    least: np.uint8
     valid: Bool
     filled: Int16
 
@@ -37,6 +40,8 @@ def _check_rows(task: int, _arena: Uint8, checked: Checked) -> None:
     for y in range(task * BLOCK, min(checked.left.shape[0], (task + 1) * BLOCK)):
         right = checked.right[min(y // checked.every, checked.right.shape[0] - 1)]
         _check_row(checked.left[y], right, checked.min_disparity, checked.tau_lr, checked.valid[y])
+        if checked.least > 0 and checked.margin.size > 0:
+            _check_margins(checked.margin[y], checked.least, checked.valid[y])
         _fill_row(checked.left[y], checked.valid[y], checked.filled[y])
 
 
@@ -50,6 +55,12 @@ def _check_row(left: Int16, right: Int16, min_disparity: int, tau_lr: np.float32
         inside = 0 <= partner < width
         other = np.int64(right[partner if inside else 0])
         valid[x] = inside and np.float32(abs(d - other)) <= tau_lr
+
+
+@kernel
+def _check_margins(margin: Uint8, least: np.uint8, valid: Bool) -> None:
+    for x in range(valid.size):
+        valid[x] = valid[x] and margin[x] >= least
 
 
 @kernel
