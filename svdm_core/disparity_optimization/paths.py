@@ -127,10 +127,12 @@ def masks_of(num_disparities: int, lanes: int) -> Masks:
 
 class RowWinners(NamedTuple):
     """Of one row. disparity: int16 (W), from the start of the search range. margin: uint8 (W), 255 times what the best
-    rival's sum is above the winner's, in winner's sums, at most 255; or empty where it is not wanted."""
+    rival's sum is above the winner's, in winner's sums, at most 255; or empty where it is not wanted. lowest: scratch,
+    uint8 (W), the winner's sums."""
 
     disparity: Int16
     margin: Uint8
+    lowest: Uint8
 
 
 @kernel
@@ -147,6 +149,7 @@ def take_winners(
     third, best, added, step = pointer(more), pointer(winners.disparity), more.size > 0, UNIT * len(lanes)
     smooth, behind = splat_wide(steps[0], lanes), load_wide(pointer(masks.barrier), 0, lanes)
     rivals, margin, measured = pointer(masks.rivals), pointer(winners.margin), winners.margin.size > 0
+    lowest = pointer(winners.lowest)
     for x in range(line.low.size):
         o = x * step
         path = _step(load_wide(last, o, lanes), load_wide(cost, o, lanes), low[x], smooth, jump[x], lanes)
@@ -161,13 +164,19 @@ def take_winners(
         d = first_equal_wide(total, least)
         best[x] = np.int16(d)
         if measured:
-            rival = least_wide(total | load_wide(rivals, step - d, lanes))
-            margin[x] = _margin(np.int32(least), np.int32(rival))
+            lowest[x] = least
+            margin[x] = least_wide(total | load_wide(rivals, step - d, lanes))
+    if measured:
+        _fill_margins(winners.lowest, winners.margin)
 
 
-@kernel(inline=True)
-def _margin(least: np.int32, rival: np.int32) -> np.uint8:
-    return np.uint8(min(np.int32(255) * (rival - least) // max(least, np.int32(1)), np.int32(255)))
+@kernel
+def _fill_margins(lowest: Uint8, margin: Uint8) -> None:
+    """margin: the rivals' sums, replaced."""
+    for x in range(margin.size):
+        least = np.float32(lowest[x])
+        above = (np.float32(margin[x]) - least) / max(least, np.float32(1))
+        margin[x] = np.uint8(np.float32(255) * min(above, np.float32(1)))
 
 
 @kernel

@@ -64,7 +64,7 @@ def scratch_size(width: int, lanes: int, paths: int) -> int:
     """Bytes of scratch that a task takes."""
     row = whole_lines(width * lanes)
     stored = 0 if paths == 3 else (STRIPE + 2 * OVERLAP) + STRIPE
-    return (3 + 2 * ROWS + 1 + stored) * row + whole_lines(width)
+    return (3 + 2 * ROWS + 1 + stored) * row + 2 * whole_lines(width)
 
 
 @kernel
@@ -81,6 +81,7 @@ class _Scratch(NamedTuple):
     costs: Uint8
     sums: Uint8
     line: Line
+    lowest: Uint8
     stored: Uint8
     below: Uint8
 
@@ -93,7 +94,8 @@ def _divided(arena: Uint8, row: int, width: int, rows: int) -> _Scratch:
     costs, rest = rest[:ROWS * row], rest[ROWS * row:]
     sums, rest = rest[:ROWS * row], rest[ROWS * row:]
     low, rest = rest[:width], rest[(width + 63) // 64 * 64:]
-    return _Scratch(ring.reshape(3, row), costs, sums, Line(line, low), rest[:rows * row], rest[rows * row:])
+    lowest, rest = rest[:width], rest[(width + 63) // 64 * 64:]
+    return _Scratch(ring.reshape(3, row), costs, sums, Line(line, low), lowest, rest[:rows * row], rest[rows * row:])
 
 
 @kernel
@@ -205,9 +207,9 @@ def _finish_rows(
         sums, kept = scratch.sums[k * row:(k + 1) * row], (y + k - way.first) * row
         more = scratch.below[kept:kept + row] if way.from_below else scratch.below[:0]
         if way.side == 0:
-            row_winners = RowWinners(winners.left[y + k], winners.margin[y + k])
+            row_winners = RowWinners(winners.left[y + k], winners.margin[y + k], scratch.lowest)
         else:
-            row_winners = RowWinners(winners.right[y + k], winners.margin[0, :0])
+            row_winners = RowWinners(winners.right[y + k], winners.margin[0, :0], scratch.lowest)
         take_winners(costs[k * row:], steps, scratch.line, sums, more, winners.masks, row_winners, lanes)
         if way.side == 0 and winners.vertex.size > 0:
             fill_vertices(sums, row_winners.disparity, winners.num_disparities, winners.vertex[y + k], lanes)
