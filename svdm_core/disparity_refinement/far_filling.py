@@ -54,6 +54,10 @@ LEAST_WEIGHT = 0.05
 _LANES = (0,)
 _NOTHING = np.uint16(65535)
 _MARGIN = SIDE // 2
+_ALIKE_ROWS = 2
+"""Rows that share their medians, so far away is what they look at."""
+
+_UNKNOWN = np.int16(-2)
 _FULL = 4095
 """Weight 1: a column of the window fits into 16 bits."""
 
@@ -130,9 +134,9 @@ def _sample_rows(task: int, _arena: Uint8, far: FarMaps, window: FarWindow, gaps
                 far.guide[c, k % 2, y, to] = gaps.levels[c, y, x]
 
 
-def scratch_size() -> int:
+def scratch_size(width: int) -> int:
     """Bytes of scratch a task takes."""
-    return 2 * 2 * SIDE * UNIT
+    return 2 * (2 * SIDE * UNIT + width)
 
 
 @kernel
@@ -144,10 +148,13 @@ def fill_from_afar(counter: Int64, end: int, arenas: Uint8, far: FarMaps, window
 @kernel
 def _fill_rows(task: int, arena: Uint8, far: FarMaps, window: FarWindow, gaps: Gaps) -> None:
     height, width = gaps.valid.shape
-    at = _pointers(far, window, gaps, arena)
+    scratch = arena.view(np.int16)
+    at, known = _pointers(far, window, gaps, scratch), scratch[2 * SIDE * UNIT:][:width]
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
-        valid, filled = gaps.valid[y], gaps.filled[y]
-        gaps.kept[y] = valid
+        if y % _ALIKE_ROWS == 0:
+            known[:] = _UNKNOWN
+        valid, filled, kept = gaps.valid[y], gaps.filled[y], gaps.kept[y]
+        kept[:] = valid
         x = 0
         while x < width:
             if valid[x]:
@@ -157,32 +164,44 @@ def _fill_rows(task: int, arena: Uint8, far: FarMaps, window: FarWindow, gaps: G
             while end < width and not valid[end]:
                 end += 1
             if x == 0:
-                _fill_border(at, y, end, window.column, filled, gaps.kept[y])
+                _fill_border(at, y, end, known, filled, kept)
                 _continue_line(valid, end, filled)
             elif end < width and abs(filled[x - 1] - filled[end]) > DEPTH_STEP:
-                _fill_gap(at, y, (x, end), window.column, filled)
+                _fill_gap(at, y, (x, end), known, filled)
             x = end
 
 
 @kernel
-def _fill_border(at: _Pointers, y: int, end: int, column: int, filled: Int16, kept: Bool) -> None:
-    for k in range((end + column - 1) // column):
-        first, last = k * column, min(end, (k + 1) * column)
-        median = _far_median(at, y, min(first + column // 2, last - 1), column)
+def _fill_border(at: _Pointers, y: int, end: int, known: Int16, filled: Int16, kept: Bool) -> None:
+    for k in range((end + at.column - 1) // at.column):
+        first, last = k * at.column, min(end, (k + 1) * at.column)
+        median = _median_of(at, y, (first, last), known, filled[first])
         if median >= 0:
             filled[first:last] = median
             kept[first:last] = True
 
 
 @kernel
-def _fill_gap(at: _Pointers, y: int, run: tuple[int, int], column: int, filled: Int16) -> None:
-    """What is seen by one camera only lies behind: never nearer than the row says."""
+def _fill_gap(at: _Pointers, y: int, run: tuple[int, int], known: Int16, filled: Int16) -> None:
+    """What one camera alone sees lies behind: never nearer than the row says."""
     start, end = run
-    for k in range(start // column, (end + column - 1) // column):
-        first, last = max(start, k * column), min(end, (k + 1) * column)
-        median = _far_median(at, y, min(max(k * column + column // 2, first), last - 1), column)
+    for k in range(start // at.column, (end + at.column - 1) // at.column):
+        first, last = max(start, k * at.column), min(end, (k + 1) * at.column)
+        median = _median_of(at, y, (first, last), known, filled[first])
         if 0 <= median < filled[first]:
             filled[first:last] = median
+
+
+@kernel
+def _median_of(at: _Pointers, y: int, run: tuple[int, int], known: Int16, guess: int) -> Any:
+    """Of the pixels run[0] .. run[1] - 1 of a sparse column, from the row above where it is known there; -1 where there
+    is too little like them."""
+    first, last = run
+    k = first // at.column
+    if known[k] == _UNKNOWN:
+        x = min(max(k * at.column + at.column // 2, first), last - 1)
+        known[k] = np.int16(_far_median(at, y, x, guess))
+    return np.int64(known[k])
 
 
 @kernel
@@ -222,25 +241,26 @@ class _Pointers(NamedTuple):
     channels: int
     height: int
     width: int
+    column: int
     spatial: Any
     slope: np.uint16
     label_bits: int
 
 
 @kernel
-def _pointers(far: FarMaps, window: FarWindow, gaps: Gaps, arena: Uint8) -> _Pointers:
+def _pointers(far: FarMaps, window: FarWindow, gaps: Gaps, arena: Int16) -> _Pointers:
     scratch = arena.view(np.uint16)
     channels, height, width = gaps.levels.shape
     pitch = far.labels.shape[2]
     return _Pointers(pointer(scratch), pointer(scratch[SIDE * UNIT:]), pointer(far.labels), pointer(far.guide), pitch,
-                     height * pitch, pointer(gaps.levels), channels, height, width, pointer(window.spatial),
-                     window.slope, window.label_bits)
+                     height * pitch, pointer(gaps.levels), channels, height, width, window.column,
+                     pointer(window.spatial), window.slope, window.label_bits)
 
 
 @kernel
-def _far_median(at: _Pointers, y: int, x: int, column: int) -> int:
+def _far_median(at: _Pointers, y: int, x: int, guess: int) -> int:
     """The weighted median of the window around pixel (y, x); -1 where there is too little like it."""
-    k, step = x // column, 2 * column
+    k, step = x // at.column, 2 * at.column
     start, total = k % 2 * at.phase + k // 2, splat_wide(np.uint16(0), _LANES)
     for i in range(SIDE):
         row, weight = y + (i - _MARGIN) * step, splat_wide(np.uint16(0), _LANES)
@@ -252,7 +272,7 @@ def _far_median(at: _Pointers, y: int, x: int, column: int) -> int:
         store_wide(at.weights, i * UNIT, weight)
         total = total + weight
     whole: Any = np.int64(sum_wide(total))
-    return _weighted_median(at, whole) if whole > LEAST_WEIGHT * _FULL else -1
+    return _weighted_median(at, whole, guess) if whole > LEAST_WEIGHT * _FULL else -1
 
 
 @kernel(inline=True)
@@ -270,16 +290,23 @@ def _weights(at: _Pointers, pixel: tuple[int, int], place: int, i: int) -> Any:
 
 
 @kernel
-def _weighted_median(at: _Pointers, total: int) -> int:
-    """The smallest label with half of the weight at or below it."""
-    low, high = 0, (1 << at.label_bits) - 1
+def _weighted_median(at: _Pointers, total: int, guess: int) -> int:
+    """The smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
+    low, high, probe, step = 0, (1 << at.label_bits) - 1, guess, 1
     while low < high:
-        probe = (low + high) // 2
-        limit, below = splat_wide(np.uint16(probe), _LANES), splat_wide(np.uint16(0), _LANES)
-        for o in range(0, SIDE * UNIT, UNIT):
-            below = below + where_at_most(load_wide(at.near, o, _LANES), limit, load_wide(at.weights, o, _LANES))
-        if 2 * np.int64(sum_wide(below)) >= total:
-            high = probe
+        if 2 * np.int64(_weight_up_to(at, probe)) >= total:
+            high, probe = probe, max(low, probe - step)
         else:
-            low = probe + 1
+            low, probe = probe + 1, min(high - 1, probe + step)
+        if probe < low or probe >= high or step > 8:
+            probe = (low + high) // 2
+        step *= 2
     return low
+
+
+@kernel(inline=True)
+def _weight_up_to(at: _Pointers, label: int) -> Any:
+    limit, below = splat_wide(np.uint16(label), _LANES), splat_wide(np.uint16(0), _LANES)
+    for o in range(0, SIDE * UNIT, UNIT):
+        below = below + where_at_most(load_wide(at.near, o, _LANES), limit, load_wide(at.weights, o, _LANES))
+    return sum_wide(below)

@@ -64,9 +64,9 @@ class PlaneMaps(NamedTuple):
 
 
 class PlaneWeights(NamedTuple):
-    """near: uint16 (6), what scales a difference of disparities to 255 where its weight ends: in the pixel's own row, 0,
-    1 or 2 columns away, then in another row. nearest: that difference in 1 / STEPS px. alike: as near, of grey levels.
-    """
+    """near: uint16 (6), what scales a difference of disparities to 255 where its weight ends: in the pixel's own row,
+    0, 1 or 2 columns away, then in another row. nearest: that difference in 1 / STEPS px. alike: as near, of grey
+    levels."""
 
     near: Uint16
     nearest: Uint16

@@ -87,7 +87,7 @@ class Refinement:
             gaps = far_filling.Gaps(valid, self._filled, self._kept, images.levels)
             phases += [Phase(_STAGE, blocks, far_filling.fill_far_maps, (self._far, window, gaps)),
                        Phase(_STAGE, -(-height // far_filling.ROWS), far_filling.fill_from_afar,
-                             (self._far, window, gaps), far_filling.scratch_size())]
+                             (self._far, window, gaps), far_filling.scratch_size(width))]
         return phases
 
     def _medians(self, maps: _Maps, parameters: MatcherParameters, disparity: Float32) -> list[Phase]:
@@ -172,7 +172,7 @@ def scratch_size(shape: tuple[int, ...], parameters: MatcherParameters) -> int:
     """Bytes of scratch for each thread."""
     channels = 1 if len(shape) == 2 else shape[2]
     return max(byte_median.scratch_size(parameters.w_p), final_median.scratch_size(shape[1]),
-               confidence.scratch_size(shape[1]), far_filling.scratch_size(),
+               confidence.scratch_size(shape[1]), far_filling.scratch_size(shape[1]),
                plane_fit.scratch_size(shape[1], channels))
 
 
