@@ -6,11 +6,12 @@ from stages import run, task_phase
 from svdm_core.disparity_refinement import byte_median
 
 
-def finished(filled, guide, valid, vertex, w_p, sigma_s, sigma_c, count):
+def finished(filled, guide, valid, vertex, w_p, sigma_s, sigma_c, count, kept=None):
     """The map in 1/64 px; guide: uint8 (C, H, W)."""
     height, width = filled.shape
     labels, margins = byte_median.empty_maps((height, width, len(guide)), w_p)
-    maps = byte_median.MedianMaps(labels, margins, valid, filled, vertex, np.full(filled.shape, 9, np.uint16))
+    maps = byte_median.MedianMaps(labels, margins, valid, valid if kept is None else kept, filled, vertex,
+                                  np.full(filled.shape, 9, np.uint16))
     window = byte_median.median_window(width, w_p, sigma_s, sigma_c, count)
     tasks = -(-height // byte_median.ROWS)
     run(task_phase(tasks, byte_median.fill_margins, maps, w_p, guide),
@@ -82,6 +83,16 @@ def test_valid_pixels_keep_their_disparity_with_its_sub_pixel_part():
     whole = finished(filled, guide, valid, np.zeros((0, 0), np.float32), 5, 9.0, 0.1, 60)
     np.testing.assert_array_equal(whole[valid], 64 * filled[valid])
     np.testing.assert_array_equal(whole[~valid], fixed[~valid])
+
+
+def test_kept_pixels_that_are_not_valid_have_their_disparity_without_a_sub_pixel_part():
+    filled, guide = scene((12, 17), 1, 60)
+    vertex = np.full(filled.shape, 0.25, np.float32)
+    kept = np.random.default_rng(3).random(filled.shape) < 0.6
+    valid = kept & (np.random.default_rng(4).random(filled.shape) < 0.6)
+    fixed = finished(filled, guide, valid, vertex, 5, 9.0, 0.1, 60, kept)
+    np.testing.assert_array_equal(fixed[kept], (64 * filled + 16 * valid)[kept])
+    np.testing.assert_array_equal(fixed[~kept], finished(filled, guide, valid, vertex, 5, 9.0, 0.1, 60)[~kept])
 
 
 def test_an_edge_of_the_guide_is_kept_and_a_lonely_label_goes():
