@@ -36,7 +36,7 @@ class DisparityResult:
 
     disparity: float32 (H, W), px, dense, each in min_disparity .. min_disparity + num_disparities - 1.
     valid: bool (H, W), True where the left-right check passed (eq 15) and the winner is unique.
-    confidence: float32 (H, W), 0 .. 1: how far the disparity can be trusted, see `confidence.chance_wrong`.
+    confidence: float32 (H, W), 0 .. 1: how far the disparity can be trusted, see `svdm_core.chance_wrong`.
     timings: stage name -> milliseconds, and their sum 'total'.
     step: px, what disparities are multiples of; 0 where they can be any float32.
     """
