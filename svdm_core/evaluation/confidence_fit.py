@@ -25,7 +25,7 @@ class Constants(NamedTuple):
 
     def chance(self, confidence: Numbers) -> Numbers:
         """Of each confidence, 0 .. 1."""
-        return np.asarray(1 / (1 + np.exp(self.slope * confidence - self.offset)))
+        return _logistic(self.offset - self.slope * confidence)
 
 
 def fit(tally: Tally) -> Constants:
@@ -39,7 +39,7 @@ def fit(tally: Tally) -> Constants:
 
     theta = np.zeros(2)
     for _ in range(_ROUNDS):
-        chance = 1 / (1 + np.exp(-(theta @ features)))
+        chance = _logistic(theta @ features)
         slope = features @ (share * chance - wrong) + _RIDGE * theta
         curvature = (features * (share * chance * (1 - chance))) @ features.T + _RIDGE * np.eye(2)
         step = np.linalg.solve(curvature, slope)
@@ -49,6 +49,11 @@ def fit(tally: Tally) -> Constants:
         if np.abs(step).max() < 1e-9:
             break
     return Constants(*map(float, theta))
+
+
+def _logistic(logits: Numbers) -> Numbers:
+    """1 / (1 + exp(-logits)) that does not overflow."""
+    return np.asarray(np.exp(-np.logaddexp(0, -logits)))
 
 
 def check_fit_scenes(count: int) -> None:

@@ -6,11 +6,13 @@ import pytest
 import skimage.data
 
 from svdm_core import StereoMatcher, load_preset
+from svdm_core.confidence_meaning import OFFSET, SLOPE
 from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS
 from svdm_core.evaluation.metrics import error_metrics
 from svdm_core.evaluation.paper import PAPER_AVGERR
 from svdm_core.evaluation.scene_evaluation import Contender, evaluate, summary
 from svdm_core.evaluation.scene_sets import find_scenes
+from svdm_core.evaluation.trust_report import TrustReport
 
 PRESETS = ('paper_start', 'paper', 'default', 'accurate', 'fast')
 SGBM = ('sgbm-3way', 'sgbm-hh4', 'sgbm-hh')
@@ -73,9 +75,12 @@ def middlebury():
 
 
 def run(readers, contenders):
-    result = evaluate(readers, contenders, factor=4)
+    trust = TrustReport()
+    result = evaluate(readers, contenders, factor=4, on_scene=trust.add)
     assert result.failures == []
-    return {method: summary(figures, MIDDLEBURY_WEIGHTS) for method, figures in result.figures.items()}
+    return {method: {**summary(figures, MIDDLEBURY_WEIGHTS), 'confidence': trust.document()[method],
+                     'fit': trust.fit(method) if method == 'svdm' else None}
+            for method, figures in result.figures.items()}
 
 
 def test_middlebury_paper(middlebury):
@@ -112,3 +117,20 @@ def test_middlebury_is_better_than_opencvs_sgbm(middlebury, preset, mode):
 def test_middlebury_is_better_than_the_paper_on_each_scene(middlebury, region):
     scenes = middlebury['default']['scenes']
     assert [name for name, paper in PAPER_AVGERR.items() if scenes[name][f'avgerr_{region}'] >= paper[region]] == []
+
+
+@pytest.mark.parametrize(('preset', 'auc', 'wrong_at_80', 'wrong_at_50', 'kept'), [  # 2 to 3 % off what was measured
+    ('default', (0.86, 0.77), 10.1, 2.55, 80), ('default, grey', (0.866, 0.77), 10.95, 2.9, 78),
+    ('accurate', (0.86, 0.765), 10.4, 2.7, 80.5), ('fast', (0.85, 0.75), 11.75, 3.6, 81),
+])
+def test_middlebury_confidence_tells_right_from_wrong(middlebury, preset, auc, wrong_at_80, wrong_at_50, kept):
+    left_out, scenes = middlebury[preset]['fit']['left_out'], middlebury[preset]['scenes'].values()
+    assert left_out['auc_mean'] >= auc[0] and left_out['auc_worst'] >= auc[1]
+    assert left_out['wrong']['80'] <= wrong_at_80 and left_out['wrong']['50'] <= wrong_at_50
+    assert sum(scene['kept_all'] for scene in scenes) / len(scenes) >= kept
+    assert middlebury[preset]['confidence']['all']['reliability']['calibration_error'] <= 0.035
+
+
+def test_middlebury_the_constants_are_those_of_the_fit(middlebury):
+    fitted = middlebury['default']['fit']
+    assert (fitted['slope'], fitted['offset']) == pytest.approx((SLOPE, OFFSET), abs=0.05)
