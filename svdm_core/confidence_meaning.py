@@ -27,10 +27,10 @@ def chance_wrong(confidence: float | NDArray[Any]) -> float | Float32:
 
     Over many pixels: of those with a chance of 0.1, one in ten is wrong. a and b are fitted by `svdm evaluate FOLDER
     --fit-confidence` to all pixels with known ground truth of the 15 training pairs of Middlebury v3 at quarter
-    resolution, `default`, in colour, rows aligned: indoors, textured, well lit. Where scenes, cameras or parameters
-    differ much, repeat the fit; the order of the confidences stays useful where the chance is off. It does not know of
-    what both images show alike but is not there: reflections, repeated patterns whose rivals look the same from both
-    sides, a camera that is not calibrated.
+    resolution, preset `default`, in colour, rows as they are. They serve for `accurate`, `fast`, grey images and
+    aligned rows as well; not for `paper` and `paper_start`, which measure no margin. Where scenes or cameras differ
+    much, repeat the fit. It does not know of rows that are not aligned, of reflections, and too little of what only the
+    left camera sees.
 
     Raises ValueError where a confidence is not within 0 .. 1.
     """
