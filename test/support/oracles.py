@@ -222,12 +222,13 @@ def fill(disparity, valid):
     return filled
 
 
-def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c):
-    """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W)."""
+def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c, step=1):
+    """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W). step:
+    px from row to row."""
     height, width = labels.shape
     radius = window // 2
     histogram = {}
-    rows = range(max(0, y - radius), min(height, y + radius + 1))
+    rows = [v for v in range(y - radius // step * step, y + radius + 1, step) if 0 <= v < height]
     columns = range(max(0, x - radius), min(width, x + radius + 1))
     for v, u in itertools.product(rows, columns):
         spatial = ((v - y) ** 2 + (u - x) ** 2) / sigma_s**2

@@ -55,7 +55,7 @@ def apart_from_the_equations(fixed, filled, guide, w_p, sigma_s, sigma_c):
     """Of some pixels, how many disparities the median is off; 0 where rounding in float32 could make it another."""
     apart = []
     for y, x in np.random.default_rng(1).integers(0, filled.shape, (400, 2)):
-        histogram = oracles.median_histogram(filled, guide, y, x, w_p, sigma_s, sigma_c)
+        histogram = oracles.median_histogram(filled, guide, y, x, w_p, sigma_s, sigma_c, 1 if w_p <= 7 else 2)
         found = int(fixed[y, x]) // byte_median.STEPS
         medians = [label for label in histogram if oracles.is_weighted_median(label, histogram)]
         apart.append(min(abs(found - label) for label in medians))
@@ -103,3 +103,9 @@ def test_an_edge_of_the_guide_is_kept_and_a_lonely_label_goes():
     filled[2, 3], filled[6, 8] = 30, 10
     fixed = finished(filled, guide, np.zeros(filled.shape, np.bool_), np.zeros((0, 0), np.float32), 7, 5.0, 0.1, 64)
     np.testing.assert_array_equal(fixed, expected)
+
+
+def test_of_wide_windows_every_second_row_is_taken_around_the_pixels_own():
+    assert byte_median.window_rows(7).tolist() == [-3, -2, -1, 0, 1, 2, 3]
+    assert byte_median.window_rows(9).tolist() == [-4, -2, 0, 2, 4]
+    assert byte_median.window_rows(11).tolist() == [-4, -2, 0, 2, 4]
