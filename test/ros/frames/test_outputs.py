@@ -402,3 +402,26 @@ def test_the_confidence_has_the_size_of_the_disparity(values):
     confidence = pixels(made(frame, 'confidence'))
     assert confidence.shape == frame.disparity.shape == pixels(made(frame, 'disparity').image).shape
     assert 0 <= confidence.min() < 0.2 < np.median(confidence) <= confidence.max() <= 1
+
+
+@pytest.mark.parametrize('filled', [True, False])
+def test_what_is_averaged_over_time_does_not_depend_on_the_threshold(filled):
+    """All that the message may have: with publish_filled the filled-in disparities too."""
+    infos = camera_info('left', WIDTH, HEIGHT), camera_info('right', WIDTH, HEIGHT)
+    random = np.random.default_rng(8)
+    grey = [[np.frombuffer(image.data, np.uint8).reshape(HEIGHT, WIDTH) for image in wall()] for _ in range(2)]
+    pairs = [[image_message(np.uint8(np.clip(view + random.normal(0, 9, view.shape), 0, 255))) for view in views]
+             for views in grey]
+
+    def last(**values):
+        processor = FrameProcessor()
+        parameters = NodeParameters().replace({'num_disparities': 16, 'publish_filled': filled, **values})
+        for number, pair in enumerate(pairs):
+            frame = processor.process(StereoFrame(*pair, *infos, 0.1 * number), parameters).frame
+        return frame
+
+    plain, smooth = last(), last(temporal_filter=0.5)
+    np.testing.assert_array_equal(smooth.disparity, last(temporal_filter=0.5, confidence_threshold=0.9).disparity)
+    np.testing.assert_array_equal(smooth.confidence, plain.confidence)
+    changed = smooth.disparity != plain.disparity
+    assert changed[smooth.valid].any() and changed[~smooth.valid].any() is np.bool_(filled)
