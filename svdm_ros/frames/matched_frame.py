@@ -5,6 +5,7 @@ import dataclasses
 import functools
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,21 +95,24 @@ class MatchedFrame:
     @functools.cached_property
     def published(self) -> NDArray[np.float32]:
         """float32 (H, W), px: `shifted`; 1 px below the message's min_disparity where there is none."""
-        return np.where(self.known, self.shifted, self.limits[0] - np.float32(END_MARGIN + 1))
+        values = self.shifted.copy()
+        np.copyto(values, self.limits[0] - np.float32(END_MARGIN + 1), where=~self.known)
+        return values
 
     @functools.cached_property
     def depth(self) -> NDArray[np.float32]:
         """float32 (H, W), m: Z = f T / d of what is trusted; NaN where there is no disparity above 0, or f or T is not
         known."""
-        depth = np.full(self.disparity.shape, np.nan, np.float32)
         distance = np.float32(self.geometry.focal_length * self.geometry.baseline)
-        if distance > 0:
-            np.divide(distance, self.shifted, out=depth, where=self.trusted & (self.shifted > 0))
-        return depth
+        if distance <= 0:
+            return np.full(self.disparity.shape, np.nan, np.float32)
+        with np.errstate(divide='ignore'):
+            values = distance / self.shifted
+        np.copyto(values, np.float32(np.nan), where=~(self.trusted & (self.shifted > 0)))
+        return values
 
     @functools.cached_property
     def picture(self) -> NDArray[np.uint8]:
         """The disparities in colours, over the search range, uint8 BGR (H, W, 3); black where none is trusted."""
         picture = coloured(self.shifted, *map(float, self.limits))
-        picture[~self.trusted] = 0
-        return picture
+        return np.asarray(cv2.bitwise_and(picture, picture, mask=self.trusted.view(np.uint8)), np.uint8)
