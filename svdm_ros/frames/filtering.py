@@ -23,7 +23,7 @@ _MOST = 0.5
 
 
 def filled_or_valid(valid: NDArray[np.bool_], parameters: NodeParameters) -> NDArray[np.bool_]:
-    """bool (H, W): every pixel, or without `publish_filled` those that are valid, bool (H, W)."""
+    """bool (H, W): every pixel, or without `publish_filled` those of `valid`, bool (H, W)."""
     return np.ones(valid.shape, np.bool_) if parameters.publish_filled else valid
 
 
@@ -60,11 +60,11 @@ def nothing_left(frame: MatchedFrame) -> str:
     Speckles are not searched for, which takes longer than all the rest: what is no larger than one is nothing.
     """
     parameters = frame.parameters
-    if np.count_nonzero(frame.measured) <= parameters.speckle_size:
+    if np.count_nonzero(frame.candidates) <= parameters.speckle_size:
         names = [name for name in ('min_depth', 'max_depth', 'speckle_size') if getattr(parameters, name) > 0]
         return (f'no disparity is left in the whole image: look at {", ".join([*names, "num_disparities"])}, and '
                 'whether left and right are swapped')
-    if (np.count_nonzero(frame.measured & frame.confident) <= parameters.speckle_size
+    if (np.count_nonzero(frame.candidates & frame.confident) <= parameters.speckle_size
             and np.count_nonzero(frame.valid & (frame.confidence > 0)) > _MOST * frame.valid.size):
         return (f'no pixel of the whole image reaches confidence_threshold = {parameters.confidence_threshold:g}, so '
                 'that none has a depth: lower it')

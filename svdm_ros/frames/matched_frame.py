@@ -66,23 +66,23 @@ class MatchedFrame:
         return self.confidence >= np.float32(self.parameters.confidence_threshold)
 
     @functools.cached_property
-    def measured(self) -> NDArray[np.bool_]:
+    def candidates(self) -> NDArray[np.bool_]:
         """bool (H, W): what `publish_filled` and the depths leave."""
-        measured = filled_or_valid(self.valid, self.parameters)
+        candidates = filled_or_valid(self.valid, self.parameters)
         within = within_depths(self.disparity, self.geometry, self.parameters)
-        return measured if within is None else measured & within
+        return candidates if within is None else candidates & within
 
     @functools.cached_property
     def trusted(self) -> NDArray[np.bool_]:
         """bool (H, W): what has a depth, in all outputs but the disparity: confident, and no speckle among these."""
-        return without_speckles(self.disparity, self.measured & self.confident, self.parameters)
+        return without_speckles(self.disparity, self.candidates & self.confident, self.parameters)
 
     @functools.cached_property
     def known(self) -> NDArray[np.bool_]:
         """bool (H, W): what has a disparity in the message: with `publish_filled` whatever its confidence."""
         if not self.parameters.publish_filled or self.parameters.confidence_threshold == 0:
             return self.trusted
-        return without_speckles(self.disparity, self.measured, self.parameters)
+        return without_speckles(self.disparity, self.candidates, self.parameters)
 
     @functools.cached_property
     def shifted(self) -> NDArray[np.float32]:

@@ -216,9 +216,9 @@ def test_nothing_is_made_for_an_output_that_nobody_listens_to():
         fields = set(vars(frame))
         made(frame, topic)
         made_for[topic] = set(vars(frame)) - fields
-    of_depth = {'trusted', 'measured', 'confident', 'shifted', 'depth'}
+    of_depth = {'trusted', 'candidates', 'confident', 'shifted', 'depth'}
     assert made_for == {
-        'disparity': {'known', 'measured', 'shifted', 'published'}, 'depth/image_rect': of_depth, 'points2': of_depth,
+        'disparity': {'known', 'candidates', 'shifted', 'published'}, 'depth/image_rect': of_depth, 'points2': of_depth,
         'confidence': set(), 'disparity/preview': of_depth - {'depth'} | {'picture'}}
 
 
