@@ -1,8 +1,8 @@
 """The bilateral weighted median of stage 4 (eqs 17-19) of the filled pixels, in bytes.
 
 Disparities, guide and weights have 8 bits, see `similarity` for the exponential of eq 17. Of wide windows every second
-row is taken: rows that are neighbours say the same, and it takes half the time. Against `weighted_median` with the same
-rows one median in some hundreds is another, by 1 px mostly.
+row is taken, which takes half the time: the even rows of the image, as neighbours that looked at different rows would
+differ. Against `weighted_median` with the same rows one median in a hundred is another, by 1 px mostly.
 """
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ _SPARE = 64
 
 
 class MedianWindow(NamedTuple):
-    """What the window weighs. radius: px; rows: how many are taken, `step` px apart, the pixel's own in the middle.
-    spatial: uint16 (rows * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0 beside the window. slope: see `similarity`. columns: uint8 (W + 2 r + spare), 255 in the image, else 0.
-    label_bits: of the largest disparity."""
+    """What the window weighs. radius: px; rows: how many are taken, `step` px apart, see `window_rows`.
+    spatial: uint16 (rows * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0 beside the window. slope: see `similarity`.
+    columns: uint8 (W + 2 r + spare), 255 in the image, else 0. label_bits: of the largest disparity."""
 
     radius: int
     rows: int
@@ -63,7 +63,7 @@ class MedianWindow(NamedTuple):
 
 
 def window_rows(w_p: int) -> np.ndarray:
-    """Offsets of the rows that are taken of a window of side w_p, px."""
+    """Offsets of the rows that are taken of a window of side w_p, px, from the pixel's row or the even one above it."""
     step, r = 1 if w_p <= _ALL_ROWS else 2, w_p // 2
     return np.arange(-(r // step) * step, r + 1, step)
 
@@ -90,13 +90,12 @@ def window_lanes(w_p: int) -> Lanes:
 
 class MedianMaps(NamedTuple):
     """labels: uint8 (H + 2 r, pitch), filled disparities; guide: uint8 (C, H + 2 r, pitch), grey levels; both with
-    margins of r, and room for a vector behind. valid, kept, filled, vertex: (H, W), vertex or (0, 0); kept: pixels that
-    have their disparity, the valid ones among them. fixed: uint16 (H, W), the map in 1 / STEPS px, written."""
+    margins of r, and room for a vector behind. valid, filled, vertex: (H, W), vertex or (0, 0).
+    fixed: uint16 (H, W), the map in 1 / STEPS px, written."""
 
     labels: Uint8
     guide: Uint8
     valid: Bool
-    kept: Bool
     filled: Int16
     vertex: Float32
     fixed: Uint16
@@ -135,7 +134,7 @@ def scratch_size(w_p: int) -> int:
 def take_medians(
     counter: Int64, end: int, arenas: Uint8, maps: MedianMaps, window: MedianWindow, lanes: Lanes
 ) -> None:
-    """The finished map, ROWS rows a task: kept pixels have their disparity, the rest get their median."""
+    """The finished map, ROWS rows a task: valid pixels keep their disparity, the rest get their median."""
     share(_finish_rows, counter, end, arenas, (maps, window, lanes))
 
 
@@ -145,8 +144,8 @@ def _finish_rows(task: int, arena: Uint8, maps: MedianMaps, window: MedianWindow
     here = _pointers(maps, window, arena, len(lanes) * UNIT)
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
         for x in range(width):
-            if maps.kept[y, x]:
-                part = maps.vertex[y, x] if maps.vertex.size > 0 and maps.valid[y, x] else np.float32(0)
+            if maps.valid[y, x]:
+                part = maps.vertex[y, x] if maps.vertex.size > 0 else np.float32(0)
                 maps.fixed[y, x] = np.uint16(np.rint((np.float32(maps.filled[y, x]) + part) * np.float32(STEPS)))
             else:
                 maps.fixed[y, x] = STEPS * _median(here, y, x, lanes)
@@ -190,11 +189,12 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
     step = UNIT * len(lanes)
     inside, nothing = load_wide(at.columns, x, lanes), splat_wide(np.uint8(0), lanes)
     total = splat_wide(np.uint16(0), lanes)
+    top = y // at.step * at.step - at.rows // 2 * at.step
     for k in range(at.rows):
-        row = y + (k - at.rows // 2) * at.step
+        row = top + k * at.step
         weight = nothing
         if 0 <= row < at.height:
-            weight = _colour_weights(at, y, x, k, lanes) & inside
+            weight = _colour_weights(at, (y, x), row, k, lanes) & inside
         store_wide(at.weights, k * step, weight)
         store_wide(at.near, k * step, load_wide(at.labels, (row + at.radius) * at.pitch + x, lanes))
         total = total + widen(weight)
@@ -203,13 +203,13 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
 
 
 @kernel(inline=True)
-def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
-    """Weights of the k-th row that is taken of the window around (y, x), 0 .. 255."""
-    r, row = at.radius, y + at.radius + (k - at.rows // 2) * at.step
+def _colour_weights(at: _Pointers, pixel: tuple[int, int], row: int, k: int, lanes: Lanes) -> Any:
+    """Weights of the k-th row that is taken of the window around a pixel, image row `row`, 0 .. 255."""
+    (y, x), r = pixel, at.radius
     squares = splat_wide(np.uint16(0), lanes)
     for c in range(at.channels):
         own = splat_wide(at.guide[c * at.plane + (y + r) * at.pitch + x + r], lanes)
-        other = load_wide(at.guide, c * at.plane + row * at.pitch + x, lanes)
+        other = load_wide(at.guide, c * at.plane + (row + r) * at.pitch + x, lanes)
         difference = widen(maximum_wide(own, other) - minimum_wide(own, other))
         squares = add_saturated(squares, difference * difference)
     spatial = load_wide(at.spatial, k * UNIT * len(lanes), lanes)

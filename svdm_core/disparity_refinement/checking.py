@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.arrays import Bool, Int16, Int64, Uint8
+from ..kernels.arrays import Bool, Int16, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
 from ..kernels.tasks import share
@@ -15,7 +15,8 @@ class Checked(NamedTuple):
     """left: int16 (H, W), disparity - min_disparity; right: int16 (rows, W), mirrored, row y // every stands for row y.
 
     margin: uint8 (H, W), of `RowWinners`, or (0, 0); least: of it that a valid pixel has. valid: bool (H, W), where
-    they agree. filled: int16 (H, W), the left ones, invalid pixels filled.
+    they agree. filled: int16 (H, W), the left ones, invalid pixels filled. runs: int32 (H, W + 2), of each row how many
+    runs of invalid pixels there are, then first pixel and end of each; or (1, 0) where they are not wanted.
     """
 
     left: Int16
@@ -27,6 +28,7 @@ class Checked(NamedTuple):
     least: np.uint8
     valid: Bool
     filled: Int16
+    runs: Int32
 
 
 @kernel
@@ -42,7 +44,8 @@ def _check_rows(task: int, _arena: Uint8, checked: Checked) -> None:
         _check_row(checked.left[y], right, checked.min_disparity, checked.tau_lr, checked.valid[y])
         if checked.least > 0 and checked.margin.size > 0:
             _check_margins(checked.margin[y], checked.least, checked.valid[y])
-        _fill_row(checked.left[y], checked.valid[y], checked.filled[y])
+        row = min(y, checked.runs.shape[0] - 1)  # the last one stays empty where runs are not wanted
+        _fill_row(checked.left[y], checked.valid[y], checked.filled[y], checked.runs[row])
 
 
 @kernel
@@ -64,10 +67,10 @@ def _check_margins(margin: Uint8, least: np.uint8, valid: Bool) -> None:
 
 
 @kernel
-def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
+def _fill_row(disparity: Int16, valid: Bool, filled: Int16, runs: Int32) -> None:
     """Each invalid pixel gets the smaller of the nearest valid disparities on its row; with one side only that one,
-    without any what it has."""
-    width = disparity.size
+    without any what it has. runs: of `Checked`, or empty."""
+    width, count = disparity.size, 0
     before = np.int16(-1)
     x = 0
     while x < width:
@@ -83,7 +86,12 @@ def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
         value = after if before < 0 else min(before, after)
         for k in range(x, end):
             filled[k] = value if value >= 0 else disparity[k]
+        if runs.size > 0:
+            runs[1 + 2 * count], runs[2 + 2 * count] = x, end
+            count += 1
         x = end
+    if runs.size > 0:
+        runs[0] = count
 
 
 def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
@@ -104,4 +112,4 @@ def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
 @kernel
 def _fill_map(disparity: Int16, valid: Bool, filled: Int16) -> None:
     for y in range(disparity.shape[0]):
-        _fill_row(disparity[y], valid[y], filled[y])
+        _fill_row(disparity[y], valid[y], filled[y], np.zeros(0, np.int32))

@@ -2,7 +2,8 @@
 
 That pixel is a wrong guess where the whole row's beginning has no partner (the left border), and where the two sides of
 a gap differ much. There the weighted median (eqs 17-19) of valid pixels of a wide, sparse window decides: 15 x 15
-pixels, as far apart as lets the window reach across a border that is as wide as the search range.
+pixels, as far apart as lets the window reach across a border that is as wide as the search range. The samples are the
+same ones for all pixels, so that rows that are neighbours are filled alike.
 """
 from __future__ import annotations
 
@@ -11,10 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..kernels.arrays import Bool, Int16, Int64, Uint8, Uint16
+from ..kernels.arrays import Bool, Int16, Int32, Int64, Uint8, Uint16
 from ..kernels.compilation import kernel
 from ..kernels.instructions import multiply_high
-from ..kernels.stripes import BLOCK
 from ..kernels.tasks import share
 from ..kernels.vectors import pointer
 from ..kernels.wide import (
@@ -42,7 +42,7 @@ SIDE = 15
 REACH = 16
 """The window's columns are 2 / REACH of the search range apart, so that half of it reaches as far as that is wide."""
 
-SIGMA_S, SIGMA_C = 5.6, 0.05
+SIGMA_S, SIGMA_C = 4.0, 0.04
 """Reach of the weights (eq 17): samples, and guide on 0..1."""
 
 DEPTH_STEP = 3
@@ -77,9 +77,10 @@ class FarWindow(NamedTuple):
 
 
 class FarMaps(NamedTuple):
-    """Every column-th pixel of each row, even and odd ones apart so that the window's are neighbours, with margins.
+    """Every column-th pixel of every (2 column)-th row, even and odd ones apart so that the window's are neighbours,
+    with margins.
 
-    labels: uint16 (2, H, pitch), disparities, 65535 where not valid; guide: uint8 (C, 2, H, pitch).
+    labels: uint16 (2, rows, pitch), disparities, 65535 where not valid; guide: uint8 (C, 2, rows, pitch).
     """
 
     labels: Uint16
@@ -87,12 +88,12 @@ class FarMaps(NamedTuple):
 
 
 class Gaps(NamedTuple):
-    """A map to be filled. valid: bool (H, W). filled: int16 (H, W), valid pixels and what the row says, changed. kept:
-    bool (H, W), set to valid pixels and those that need no further median. levels: uint8 (C, H, W)."""
+    """A map to be filled. valid: bool (H, W). filled: int16 (H, W), valid pixels and what the row says, changed. runs:
+    of `Checked`. levels: uint8 (C, H, W)."""
 
     valid: Bool
     filled: Int16
-    kept: Bool
+    runs: Int32
     levels: Uint8
 
 
@@ -110,28 +111,32 @@ def empty_far_maps(shape: tuple[int, ...], num_disparities: int) -> FarMaps:
     """For images of `shape`."""
     height, width = shape[:2]
     channels = 1 if len(shape) == 2 else shape[2]
-    columns = -(-width // -(-num_disparities // REACH))
-    pitch = (columns + 1) // 2 + _MARGIN + UNIT
-    return FarMaps(np.full((2, height, pitch), _NOTHING, np.uint16), np.zeros((channels, 2, height, pitch), np.uint8))
+    column = -(-num_disparities // REACH)
+    rows, pitch = -(-height // (2 * column)), (-(-width // column) + 1) // 2 + _MARGIN + UNIT
+    return FarMaps(np.full((2, rows, pitch), _NOTHING, np.uint16), np.zeros((channels, 2, rows, pitch), np.uint8))
+
+
+def sampled_rows(far: FarMaps) -> int:
+    """Tasks of `fill_far_maps`."""
+    return int(far.labels.shape[1])
 
 
 @kernel
 def fill_far_maps(counter: Int64, end: int, arenas: Uint8, far: FarMaps, window: FarWindow, gaps: Gaps) -> None:
-    """Blocks of BLOCK rows."""
-    share(_sample_rows, counter, end, arenas, (far, window, gaps))
+    """A row a task."""
+    share(_sample_row, counter, end, arenas, (far, window, gaps))
 
 
 @kernel
-def _sample_rows(task: int, _arena: Uint8, far: FarMaps, window: FarWindow, gaps: Gaps) -> None:
+def _sample_row(task: int, _arena: Uint8, far: FarMaps, window: FarWindow, gaps: Gaps) -> None:
     height, width = gaps.valid.shape
-    columns = (width + window.column - 1) // window.column
-    for y in range(task * BLOCK, min(height, (task + 1) * BLOCK)):
-        for k in range(columns):
-            x = min(k * window.column + window.column // 2, width - 1)
-            to = _MARGIN + k // 2
-            far.labels[k % 2, y, to] = np.uint16(gaps.filled[y, x]) if gaps.valid[y, x] else _NOTHING
-            for c in range(gaps.levels.shape[0]):
-                far.guide[c, k % 2, y, to] = gaps.levels[c, y, x]
+    y = min((2 * task + 1) * window.column, height - 1)
+    for k in range((width + window.column - 1) // window.column):
+        x = min(k * window.column + window.column // 2, width - 1)
+        to = _MARGIN + k // 2
+        far.labels[k % 2, task, to] = np.uint16(gaps.filled[y, x]) if gaps.valid[y, x] else _NOTHING
+        for c in range(gaps.levels.shape[0]):
+            far.guide[c, k % 2, task, to] = gaps.levels[c, y, x]
 
 
 def scratch_size(width: int) -> int:
@@ -153,32 +158,24 @@ def _fill_rows(task: int, arena: Uint8, far: FarMaps, window: FarWindow, gaps: G
     for y in range(task * ROWS, min(height, (task + 1) * ROWS)):
         if y % _ALIKE_ROWS == 0:
             known[:] = _UNKNOWN
-        valid, filled, kept = gaps.valid[y], gaps.filled[y], gaps.kept[y]
-        kept[:] = valid
-        x = 0
-        while x < width:
-            if valid[x]:
-                x += 1
-                continue
-            end = x
-            while end < width and not valid[end]:
-                end += 1
+        runs, filled = gaps.runs[y], gaps.filled[y]
+        for n in range(runs[0]):
+            x: Any = runs[1 + 2 * n]
+            end: Any = runs[2 + 2 * n]
             if x == 0:
-                _fill_border(at, y, end, known, filled, kept)
-                _continue_line(valid, end, filled)
+                _fill_border(at, y, end, known, filled)
+                _continue_line(gaps.valid[y], end, filled)
             elif end < width and abs(filled[x - 1] - filled[end]) > DEPTH_STEP:
                 _fill_gap(at, y, (x, end), known, filled)
-            x = end
 
 
 @kernel
-def _fill_border(at: _Pointers, y: int, end: int, known: Int16, filled: Int16, kept: Bool) -> None:
+def _fill_border(at: _Pointers, y: int, end: int, known: Int16, filled: Int16) -> None:
     for k in range((end + at.column - 1) // at.column):
         first, last = k * at.column, min(end, (k + 1) * at.column)
         median = _median_of(at, y, (first, last), known, filled[first])
         if median >= 0:
             filled[first:last] = median
-            kept[first:last] = True
 
 
 @kernel
@@ -241,6 +238,7 @@ class _Pointers(NamedTuple):
     channels: int
     height: int
     width: int
+    rows: int
     column: int
     spatial: Any
     slope: np.uint16
@@ -251,20 +249,20 @@ class _Pointers(NamedTuple):
 def _pointers(far: FarMaps, window: FarWindow, gaps: Gaps, arena: Int16) -> _Pointers:
     scratch = arena.view(np.uint16)
     channels, height, width = gaps.levels.shape
-    pitch = far.labels.shape[2]
+    _, rows, pitch = far.labels.shape
     return _Pointers(pointer(scratch), pointer(scratch[SIDE * UNIT:]), pointer(far.labels), pointer(far.guide), pitch,
-                     height * pitch, pointer(gaps.levels), channels, height, width, window.column,
+                     rows * pitch, pointer(gaps.levels), channels, height, width, rows, window.column,
                      pointer(window.spatial), window.slope, window.label_bits)
 
 
 @kernel
 def _far_median(at: _Pointers, y: int, x: int, guess: int) -> int:
     """The weighted median of the window around pixel (y, x); -1 where there is too little like it."""
-    k, step = x // at.column, 2 * at.column
+    k, middle = x // at.column, y // (2 * at.column)
     start, total = k % 2 * at.phase + k // 2, splat_wide(np.uint16(0), _LANES)
     for i in range(SIDE):
-        row, weight = y + (i - _MARGIN) * step, splat_wide(np.uint16(0), _LANES)
-        if 0 <= row < at.height:
+        row, weight = middle + i - _MARGIN, splat_wide(np.uint16(0), _LANES)
+        if 0 <= row < at.rows:
             place = start + row * at.pitch
             labels = load_wide(at.labels, place, _LANES)
             weight = where_less(labels, splat_wide(_NOTHING, _LANES), _weights(at, (y, x), place, i))

@@ -40,7 +40,7 @@ class Refinement:
         self._filled = np.zeros(self._shape, np.int16)
         self._labels, self._guide, self._fixed = _byte_maps(shape, parameters.w_p if in_bytes(parameters) else 0)
         afar = parameters.filling == 'far'
-        self._kept = np.zeros(self._shape if afar else (0, 0), np.bool_)
+        self._runs = np.zeros((shape[0], shape[1] + 2) if afar else (1, 0), np.int32)
         self._far = far_filling.empty_far_maps(shape, parameters.num_disparities) if afar else None
         self._support = np.zeros(self._shape if parameters.plane_fit else (0, 0), np.uint8)
         self._smoothed = np.zeros(self._shape if parameters.plane_fit else (0, 0), np.uint16)
@@ -57,9 +57,8 @@ class Refinement:
         """A valid pixel keeps its sub-pixel disparity where its median is its own winner, up to the final median."""
         valid, trust = np.empty(self._shape, np.bool_), np.empty(self._shape, np.float32)
         disparity = np.empty(self._shape, np.float32)
-        kept = self._kept if self._far is not None else valid
         clock.work(crew, self._checks(winners, valid, images, parameters, trust))
-        maps = _Maps(winners, images, valid, kept, self._filled)
+        maps = _Maps(winners, images, valid, self._filled)
         if in_bytes(parameters):
             clock.work(crew, self._medians(maps, parameters, disparity))
         else:
@@ -76,7 +75,7 @@ class Refinement:
         (height, width), blocks = self._shape, block_count(self._shape[0])
         least = np.uint8(np.ceil(255 * parameters.uniqueness))
         checked = Checked(winners.left, winners.right, winners.every, parameters.min_disparity,
-                          np.float32(parameters.tau_lr), winners.margin, least, valid, self._filled)
+                          np.float32(parameters.tau_lr), winners.margin, least, valid, self._filled, self._runs)
         evidence = confidence.Evidence(valid, winners.margin, images.left_grey,
                                        confidence.least_texture(float(images.level_gain)))
         phases = [Phase(_STAGE, blocks, check_and_fill, (checked,)),
@@ -84,17 +83,18 @@ class Refinement:
                         (evidence, confidence.Trust(trust, self._support)), confidence.scratch_size(width))]
         if self._far is not None:
             window = far_filling.far_window(parameters.num_disparities, float(images.level_unit))
-            gaps = far_filling.Gaps(valid, self._filled, self._kept, images.levels)
-            phases += [Phase(_STAGE, blocks, far_filling.fill_far_maps, (self._far, window, gaps)),
-                       Phase(_STAGE, -(-height // far_filling.ROWS), far_filling.fill_from_afar,
-                             (self._far, window, gaps), far_filling.scratch_size(width))]
+            gaps = far_filling.Gaps(valid, self._filled, self._runs, images.levels)
+            arguments, rows = (self._far, window, gaps), far_filling.sampled_rows(self._far)
+            phases += [Phase(_STAGE, rows, far_filling.fill_far_maps, arguments),
+                       Phase(_STAGE, -(-height // far_filling.ROWS), far_filling.fill_from_afar, arguments,
+                             far_filling.scratch_size(width))]
         return phases
 
     def _medians(self, maps: _Maps, parameters: MatcherParameters, disparity: Float32) -> list[Phase]:
         """In bytes."""
         (height, width), images = self._shape, maps.images
-        wanted = byte_median.MedianMaps(self._labels, self._guide, maps.valid, maps.kept, maps.filled,
-                                        maps.winners.vertex, self._fixed)
+        wanted = byte_median.MedianMaps(self._labels, self._guide, maps.valid, maps.filled, maps.winners.vertex,
+                                        self._fixed)
         window = byte_median.median_window(width, parameters.w_p, parameters.sigma_s,
                                            parameters.sigma_c / float(images.level_unit), parameters.num_disparities)
         tasks, lanes = -(-height // byte_median.ROWS), byte_median.window_lanes(parameters.w_p)
@@ -110,7 +110,7 @@ class Refinement:
     def _literal(self, maps: _Maps, parameters: MatcherParameters, disparity: Float32) -> None:
         """With the paper's exact median, of all pixels if wanted."""
         labels, images, vertex = maps.filled.astype(np.int32), maps.images, maps.winners.vertex
-        wanted = ~maps.kept if parameters.median_scope == 'filled' else None
+        wanted = ~maps.valid if parameters.median_scope == 'filled' else None
         window, sigma_s, sigma_c = parameters.w_p, parameters.sigma_s, parameters.sigma_c
         if parameters.median_guide == 'image':
             guide = intensities(images.left, (images.offset, images.gain))
@@ -136,12 +136,11 @@ class Refinement:
 
 
 class _Maps(NamedTuple):
-    """What the medians take: kept, bool (H, W), has the valid pixels, and those that filling from afar has settled."""
+    """What the medians take."""
 
     winners: Winners
     images: PairImages
     valid: Bool
-    kept: Bool
     filled: Int16
 
 

@@ -15,13 +15,13 @@ NAMES = (
 PRESETS = {
     'accurate': (
         'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
-        'filled', 'image', 41, 24.0, 0.08, 3, 0.1, 'far', True),
+        'filled', 'image', 41, 24.0, 0.08, 3, 0.09, 'far', True),
     'default': (
         'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
-        'filled', 'image', 21, 14.0, 0.1, 3, 0.1, 'far', True),
+        'filled', 'image', 23, 14.0, 0.06, 3, 0.09, 'far', True),
     'fast': (
         'horizontal', 0.0, 0.0, 2 / 255, 1, 0.3, 'box', 0.1, 255, True, 0.05, 0.7, 8.0, 3, 1.0, 'filled',
-        'image', 11, 8.0, 0.1, 5, 0.1, 'far', False),
+        'image', 11, 8.0, 0.06, 5, 0.09, 'far', False),
     'paper': (
         'magnitude', 10.7, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
         'image', 31, 15.8, 0.175, 1, 0.0, 'scanline', False),

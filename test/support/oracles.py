@@ -193,6 +193,12 @@ def symmetric_v(below, best, above):
     return (below - above) / (2 * slope)
 
 
+def runs(wanted):
+    """[first, end] of each run of True in a row."""
+    edges = np.flatnonzero(np.diff(np.r_[0, wanted, 0].astype(int)))
+    return edges.reshape(-1, 2).tolist()
+
+
 def margin(sums):
     """255 (m2 / m1 - 1), at most 255: m1 the smallest sum of a pixel, m2 the smallest beyond its neighbours."""
     winner = int(np.argmin(sums))
@@ -224,11 +230,12 @@ def fill(disparity, valid):
 
 def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c, step=1):
     """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W). step:
-    px from row to row."""
+    px from row to row, which are multiples of it."""
     height, width = labels.shape
     radius = window // 2
     histogram = {}
-    rows = [v for v in range(y - radius // step * step, y + radius + 1, step) if 0 <= v < height]
+    middle = y // step * step
+    rows = [v for v in range(middle - radius // step * step, middle + radius + 1, step) if 0 <= v < height]
     columns = range(max(0, x - radius), min(width, x + radius + 1))
     for v, u in itertools.product(rows, columns):
         spatial = ((v - y) ** 2 + (u - x) ** 2) / sigma_s**2
@@ -263,15 +270,16 @@ def confidence(valid, margin, grey, least_texture):
 
 def far_histogram(labels, valid, guide, y, x, column):
     """Eqs 17-18 over valid pixels of a sparse window: every column-th pixel of a row, 15 of every second of them around
-    the one that holds x, in 15 rows as far apart; guide (C, H, W) on 0..1."""
+    the one that holds x, in 15 rows as far apart around the one that holds y; guide (C, H, W) on 0..1."""
     height, width = labels.shape
     histogram = {}
     for i, j in itertools.product(range(-7, 8), repeat=2):
-        v, u = y + 2 * column * i, min((x // column + 2 * j) * column + column // 2, width - 1)
-        if 0 <= v < height and 0 <= x // column + 2 * j < -(-width // column) and valid[v, u]:
-            unlike = ((guide[:, y, x].astype(float) - guide[:, v, u]) ** 2).sum() / 0.05**2
+        row = y // (2 * column) + i
+        v, u = min((2 * row + 1) * column, height - 1), min((x // column + 2 * j) * column + column // 2, width - 1)
+        if 0 <= row < -(-height // (2 * column)) and 0 <= x // column + 2 * j < -(-width // column) and valid[v, u]:
+            unlike = ((guide[:, y, x].astype(float) - guide[:, v, u]) ** 2).sum() / 0.04**2
             label = int(labels[v, u])
-            histogram[label] = histogram.get(label, 0.0) + np.exp(-(i * i + j * j) / 5.6**2 - unlike)
+            histogram[label] = histogram.get(label, 0.0) + np.exp(-(i * i + j * j) / 4.0**2 - unlike)
     return histogram
 
 

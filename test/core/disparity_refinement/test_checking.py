@@ -15,10 +15,13 @@ UNMEASURED = np.zeros((0, 0), np.uint8)
 def checked(left, right, every, min_disparity, tau_lr, margin=UNMEASURED, least=9):
     """(valid, filled); right: mirrored."""
     valid, filled = np.ones(left.shape, np.bool_), np.full(left.shape, 99, np.int16)
+    runs = np.full((len(left), left.shape[1] + 2), -9, np.int32)
     before = left.copy(), right.copy()
     run(task_phase(block_count(len(left)), check_and_fill,
                    Checked(left, right, every, min_disparity, np.float32(tau_lr), margin, np.uint8(least), valid,
-                           filled)))
+                           filled, runs)))
+    for row, told in zip(valid, runs, strict=True):
+        assert told[1:1 + 2 * told[0]].reshape(-1, 2).tolist() == oracles.runs(~row)
     np.testing.assert_array_equal(left, before[0])
     np.testing.assert_array_equal(right, before[1])
     return valid, filled
