@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .confidence_meaning import chance_wrong
     from .matcher import DisparityResult, StereoMatcher
     from .memory import NotEnoughMemoryError
     from .parameters import MatcherParameters, ParameterInfo, parameter_info, parameter_table
@@ -23,6 +24,7 @@ __all__ = [
     'RowAlignment',
     'RowTracker',
     'StereoMatcher',
+    'chance_wrong',
     'estimate_row_alignment',
     'load_preset',
     'parameter_info',
@@ -31,6 +33,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    'confidence_meaning': ('chance_wrong',),
     'matcher': ('DisparityResult', 'StereoMatcher'),
     'memory': ('NotEnoughMemoryError',),
     'parameters': ('MatcherParameters', 'ParameterInfo', 'parameter_info', 'parameter_table'),

@@ -72,7 +72,8 @@ class ExactRoute:
         with clock.stage('disparity_optimization'):
             left, right, vertex = winners_of(self._best, self._trees.pixel, (height, width),
                                              parameters.num_disparities, self._per_slot)
-        return Winners(left, right, 1, vertex if parameters.subpixel else np.zeros((0, 0), np.float32))
+        nothing = np.zeros((0, 0), np.float32)
+        return Winners(left, right, 1, vertex if parameters.subpixel else nothing, nothing.astype(np.uint8))
 
 
 def _slots(nodes: int, num_disparities: int, threads: int) -> int:

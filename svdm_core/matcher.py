@@ -35,13 +35,15 @@ class DisparityResult:
     """What `StereoMatcher.compute` gives back; the arrays are the caller's own.
 
     disparity: float32 (H, W), px, dense, each in min_disparity .. min_disparity + num_disparities - 1.
-    valid: bool (H, W), True where the left-right check passed (eq 15).
+    valid: bool (H, W), True where the left-right check passed (eq 15) and the winner is unique.
+    confidence: float32 (H, W), 0 .. 1: how far the disparity can be trusted, see `svdm_core.chance_wrong`.
     timings: stage name -> milliseconds, and their sum 'total'.
     step: px, what disparities are multiples of; 0 where they can be any float32.
     """
 
     disparity: Float32
     valid: Bool
+    confidence: Float32
     timings: dict[str, float]
     step: float = 0.0
 
@@ -69,9 +71,10 @@ class MatchedPair:
         """The same with arrays of its own, without what stage 4 does not read."""
         images, winners = self.images, self.winners
         nothing = images.right[:0]
-        images = images._replace(left=images.left.copy(), levels=images.levels.copy(), right=nothing,
-                                 left_grey=nothing[..., 0], right_grey=nothing[..., 0])
-        winners = winners._replace(left=winners.left.copy(), right=winners.right.copy(), vertex=winners.vertex.copy())
+        images = images._replace(left=images.left.copy(), left_grey=images.left_grey.copy(), right=nothing,
+                                 levels=images.levels.copy(), right_grey=nothing[..., 0])
+        winners = winners._replace(left=winners.left.copy(), right=winners.right.copy(), vertex=winners.vertex.copy(),
+                                   margin=winners.margin.copy())
         return dataclasses.replace(self, images=images, winners=winners)
 
 
@@ -163,9 +166,9 @@ class StereoMatcher:
 
     def _refined(self, matched: MatchedPair, parameters: MatcherParameters, clock: StageClock) -> DisparityResult:
         refinement = self._keep(Refinement, Refinement.layout(matched.shape, parameters), matched.shape, parameters)
-        disparity, valid = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
+        refined = refinement.run(matched.winners, matched.images, parameters, self._crew, clock)
         _RUN.add(_kernels_of(matched.shape, matched.images.left.dtype, parameters))
-        return DisparityResult(disparity, valid, clock.milliseconds(), disparity_step(parameters))
+        return DisparityResult(*refined, clock.milliseconds(), disparity_step(parameters))
 
     def _afford(self, shape: tuple[int, ...], parameters: MatcherParameters) -> None:
         """Raises NotEnoughMemoryError where the buffers of such a pair, if they are not there yet, do not fit."""

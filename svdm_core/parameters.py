@@ -176,6 +176,13 @@ class MatcherParameters:
     tau_lr: float = _parameter(
         1.0, 'largest left-right difference of a valid disparity (eq 15)', unit='px', minimum=0.0, maximum=1024.0,
         stage='disparity_refinement')
+    uniqueness: float = _parameter(
+        0.09, 'by what share the smallest sum of path costs must lie below all others but its neighbours for a valid '
+        'disparity; 0 is off, as it is where p2 is 0', minimum=0.0, maximum=1.0, stage='disparity_refinement')
+    filling: str = _parameter(
+        'far', 'what the left border and gaps at depth edges are filled with: the nearest valid disparity on the row '
+        '(eq 16, the paper), or the weighted median of valid ones as far around as the search range is wide',
+        choices=('scanline', 'far'), stage='disparity_refinement')
     median_scope: str = _parameter(
         'filled', 'pixels the weighted median replaces: those that failed the left-right check, or all (the paper)',
         choices=('filled', 'all'), stage='disparity_refinement')
@@ -183,17 +190,20 @@ class MatcherParameters:
         'image', 'what sigma_c compares (eq 17): the left image, or the disparity over num_disparities',
         choices=('image', 'disparity'), stage='disparity_refinement')
     w_p: int = _parameter(
-        21, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2,
+        23, 'side of the weighted median window', unit='px', minimum=1, maximum=101, step=2,
         stage='disparity_refinement')
     sigma_s: float = _parameter(
         14.0, 'spatial reach of the weighted median (eq 17)', unit='px', minimum=0.1, maximum=1000.0,
         stage='disparity_refinement')
     sigma_c: float = _parameter(
-        0.1, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0,
+        0.06, 'guide reach of the weighted median (eq 17), guide on 0..1', minimum=0.001, maximum=100.0,
         stage='disparity_refinement')
     final_median: int = _parameter(
-        5, 'side of the plain median over the finished map, with its sub-pixel parts; 1 is off', unit='px',
+        3, 'side of the plain median over the finished map, with its sub-pixel parts; 1 is off', unit='px',
         minimum=1, maximum=5, step=2, stage='disparity_refinement')
+    plane_fit: bool = _parameter(
+        True, 'move each disparity onto the plane through those around it that are near, alike and trusted',
+        stage='disparity_refinement')
 
     def __post_init__(self) -> None:
         for info in parameter_table():

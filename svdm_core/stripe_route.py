@@ -5,6 +5,7 @@ import numpy as np
 
 from .cost_aggregation import AGGREGATIONS
 from .cost_aggregation.aggregation import Pair, StripeAggregation, View
+from .disparity_optimization.paths import masks_of
 from .disparity_optimization.penalties import Penalties, fill_penalties, p2_table
 from .disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
 from .disparity_optimization.winners import Winners
@@ -44,7 +45,7 @@ class StripeRoute:
         self.winners = StripeWinners(
             np.zeros((height, width), np.int16), np.zeros((self.right.height, width), np.int16),
             np.zeros((height, width) if parameters.subpixel else (0, 0), np.float32),
-            np.where(np.arange(lanes) < parameters.num_disparities, 0, 255).astype(np.uint8),
+            np.zeros((height, width), np.uint8), masks_of(parameters.num_disparities, lanes),
             parameters.num_disparities)
 
     @staticmethod
@@ -81,7 +82,8 @@ class StripeRoute:
 
     def result(self) -> Winners:
         """After the phases."""
-        return Winners(self.winners.left, self.winners.right, self.right.every, self.winners.vertex)
+        found = self.winners
+        return Winners(found.left, found.right, self.right.every, found.vertex, found.margin)
 
     def _costs(self, parameters: MatcherParameters) -> list[ByteCosts]:
         """Of both views; made anew where the parameters have changed."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..evaluation.aligned_scenes import SceneAligner, alignment_line
+from ..evaluation.confidence_fit import check_fit_scenes, fit_lines
 from ..evaluation.datasets import StereoScene
 from ..evaluation.metric_names import check_metrics, default_metrics
 from ..evaluation.scene_evaluation import (
@@ -22,6 +23,7 @@ from ..evaluation.scene_evaluation import (
     summary,
 )
 from ..evaluation.scene_sets import RESOLUTIONS, SceneSet, find_scenes
+from ..evaluation.trust_report import TrustReport, confidence_lines
 from ..files.output_files import check_outputs, write_outputs
 from ..shown import line
 from .options import add_align_rows_option, add_parameter_options, add_threads_option, parameters_of, parse_changes
@@ -44,6 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--metrics', nargs='+', action='extend', default=[], metavar='NAME',
                         help='columns of the table, in place of those of the benchmark')
     add_threads_option(parser)
+    parser.add_argument('--fit-confidence', action='store_true',
+                        help='fit the chance of being wrong to the confidence, and test it on scenes left out')
     parser.add_argument('--json', type=Path, metavar='FILE', help='write the figures')
     parser.add_argument('--html', type=Path, metavar='FILE', help='write a page with figures and pictures')
     parser.add_argument('--force', action='store_true', help='overwrite files that exist')
@@ -57,21 +61,34 @@ def run(options: argparse.Namespace) -> int:
     check_metrics(options.metrics)
     contenders = _contenders(options)
     scene_set = find_scenes(options.folder).chosen(options.scenes)
+    if options.fit_confidence:
+        _check_fit(contenders, scene_set)
     resolution = scene_set.resolution(options.resolution)
     page = _page(options, RESOLUTIONS[resolution])
     scenes = {name: _grey(read) if options.grey else read for name, read in scene_set.readers.items()}
     aligner = SceneAligner() if options.align_rows else None
     if aligner is not None:
         scenes = {name: aligner.reader(read) for name, read in scenes.items()}
+    trust = TrustReport()
+
+    def keep(scene: StereoScene, judged: Mapping[str, JudgedScene]) -> None:
+        trust.add(scene, judged)
+        if page is not None:
+            page.add(scene, judged)
+
     with table.progress(len(scenes)) as tell:
-        result = evaluate(scenes, contenders, RESOLUTIONS[resolution], tell, page.add if page else _ignore)
-    document = _document(options, scene_set, resolution, contenders, result)
+        result = evaluate(scenes, contenders, RESOLUTIONS[resolution], tell, keep)
+    document = _document(options, scene_set, resolution, contenders, (result, trust))
     document['row_alignment'] = None if aligner is None else aligner.document()
+    document['confidence_fit'] = trust.fit(OWN_METHOD) if options.fit_confidence else None
     methods = document.get('methods') or {document['method']: document}
     metrics = options.metrics or default_metrics(scene_set.layout)
     table.print_tables(document, methods, metrics)
     if aligner is not None:
         print(alignment_line(document['row_alignment']))
+    print(*confidence_lines(methods), sep='\n')
+    if options.fit_confidence:
+        print(*fit_lines(document['confidence_fit']), sep='\n')
     contents: dict[Path, bytes] = {}
     if options.json is not None:
         contents[options.json] = (json.dumps(document, indent=1, allow_nan=False) + '\n').encode()
@@ -102,17 +119,22 @@ def _grey(read: Callable[[], StereoScene]) -> Callable[[], StereoScene]:
     return lambda: read().grey()
 
 
-def _ignore(_scene: StereoScene, _judged: Mapping[str, JudgedScene]) -> None:
-    """Nothing is kept of a scene but its figures."""
+def _check_fit(contenders: Sequence[Contender], scene_set: SceneSet) -> None:
+    """ValueError, before the work, where --fit-confidence cannot be done."""
+    if OWN_METHOD not in [contender.method for contender in contenders]:
+        raise ValueError(f'--fit-confidence needs {OWN_METHOD} among the methods: OpenCV has no confidence')
+    check_fit_scenes(len(scene_set.readers))
 
 
 def _document(
     options: argparse.Namespace, scene_set: SceneSet, resolution: str, contenders: Sequence[Contender],
-    result: Evaluation,
+    found: tuple[Evaluation, TrustReport],
 ) -> dict[str, Any]:
     """What --json writes: the first method's figures, and below 'methods' those of each where there are several."""
+    result, confidence = found[0], found[1].document()
     methods = {contender.method: {'parameters': contender.settings,
-                                  **summary(result.figures[contender.method], scene_set.weights)}
+                                  **summary(result.figures[contender.method], scene_set.weights),
+                                  'confidence': confidence[contender.method]}
                for contender in contenders}
     first = contenders[0].method
     return {

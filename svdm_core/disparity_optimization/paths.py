@@ -110,20 +110,46 @@ def along_columns(costs: Uint8, p1: np.uint8, p2: Uint8, line: Line, into: Uint8
             store_wide(to, x * step, path)
 
 
+class Masks(NamedTuple):
+    """Sums to be left out, 255 where they are: barrier, uint8 (lanes), behind the search range; rivals, uint8
+    (2 * lanes + 2), which from place lanes - d on leaves out d - 1, d and d + 1."""
+
+    barrier: Uint8
+    rivals: Uint8
+
+
+def masks_of(num_disparities: int, lanes: int) -> Masks:
+    """For vectors of `lanes`."""
+    place = np.arange(2 * lanes + 2)
+    return Masks(np.where(place[:lanes] < num_disparities, 0, 255).astype(np.uint8),
+                 np.where(abs(place - lanes) <= 1, 255, 0).astype(np.uint8))
+
+
+class RowWinners(NamedTuple):
+    """Of one row. disparity: int16 (W), from the start of the search range. margin: uint8 (W), 255 times what the best
+    rival's sum is above the winner's, in winner's sums, at most 255; or empty where it is not wanted. lowest: scratch,
+    uint8 (W), the winner's sums."""
+
+    disparity: Int16
+    margin: Uint8
+    lowest: Uint8
+
+
 @kernel
 def take_winners(
-    costs: Uint8, steps: tuple[np.uint8, Uint8], line: Line, sums: Uint8, more: Uint8, barrier: Uint8, winner: Int16,
-    lanes: Lanes,
+    costs: Uint8, steps: tuple[np.uint8, Uint8], line: Line, sums: Uint8, more: Uint8, masks: Masks,
+    winners: RowWinners, lanes: Lanes,
 ) -> None:
     """The last path, from above, and the winners of one row: the disparities of the smallest sums.
 
     steps: P1, and P2 as in `along_columns`. sums: those of the paths along rows, which become those of all; more: uint8
-    (W * lanes), those from below, or empty; with them, sums are halved. barrier: uint8 (lanes), 255 behind the
-    search range. winner: int16 (W).
+    (W * lanes), those from below, or empty; with them, sums are halved. A rival lies beyond the winner's neighbours.
     """
     cost, last, low, jump, to = pointer(costs), pointer(line.costs), pointer(line.low), pointer(steps[1]), pointer(sums)
-    third, best, added, step = pointer(more), pointer(winner), more.size > 0, UNIT * len(lanes)
-    smooth, behind = splat_wide(steps[0], lanes), load_wide(pointer(barrier), 0, lanes)
+    third, best, added, step = pointer(more), pointer(winners.disparity), more.size > 0, UNIT * len(lanes)
+    smooth, behind = splat_wide(steps[0], lanes), load_wide(pointer(masks.barrier), 0, lanes)
+    rivals, margin, measured = pointer(masks.rivals), pointer(winners.margin), winners.margin.size > 0
+    lowest = pointer(winners.lowest)
     for x in range(line.low.size):
         o = x * step
         path = _step(load_wide(last, o, lanes), load_wide(cost, o, lanes), low[x], smooth, jump[x], lanes)
@@ -134,7 +160,23 @@ def take_winners(
         total = add_saturated(path, load_wide(to, o, lanes))
         store_wide(to, o, total)
         total = total | behind
-        best[x] = np.int16(first_equal_wide(total, least_wide(total)))
+        least = least_wide(total)
+        d = first_equal_wide(total, least)
+        best[x] = np.int16(d)
+        if measured:
+            lowest[x] = least
+            margin[x] = least_wide(total | load_wide(rivals, step - d, lanes))
+    if measured:
+        _fill_margins(winners.lowest, winners.margin)
+
+
+@kernel
+def _fill_margins(lowest: Uint8, margin: Uint8) -> None:
+    """margin: the rivals' sums, replaced."""
+    for x in range(margin.size):
+        least = np.float32(lowest[x])
+        above = (np.float32(margin[x]) - least) / max(least, np.float32(1))
+        margin[x] = np.uint8(np.float32(255) * min(above, np.float32(1)))
 
 
 @kernel

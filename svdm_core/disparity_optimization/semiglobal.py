@@ -15,7 +15,19 @@ from ..kernels.stripes import OVERLAP, STRIPE, Rows, stripe_rows
 from ..kernels.tasks import share, whole_lines
 from ..kernels.wide import UNIT, Lanes
 from ..matching_cost.byte_costs import ByteCosts
-from .paths import ADDED, AVERAGED, FROM_LEFT, ROWS, Line, along_columns, along_rows, fill_vertices, take_winners
+from .paths import (
+    ADDED,
+    AVERAGED,
+    FROM_LEFT,
+    ROWS,
+    Line,
+    Masks,
+    RowWinners,
+    along_columns,
+    along_rows,
+    fill_vertices,
+    take_winners,
+)
 from .penalties import Penalties
 
 
@@ -37,13 +49,14 @@ class Views(NamedTuple):
 
 class StripeWinners(NamedTuple):
     """What comes out: left int16 (H, W), right int16 (rows, W), mirrored, disparity - min_disparity; vertex float32
-    (H, W), sub-pixel part of the left ones, or (0, 0) where it is not wanted. barrier: uint8 (lanes), 255 behind the
-    search range."""
+    (H, W), sub-pixel part of the left ones, or (0, 0) where it is not wanted. margin: uint8 (H, W), of the left ones,
+    as in `RowWinners`."""
 
     left: Int16
     right: Int16
     vertex: Float32
-    barrier: Uint8
+    margin: Uint8
+    masks: Masks
     num_disparities: int
 
 
@@ -51,7 +64,7 @@ def scratch_size(width: int, lanes: int, paths: int) -> int:
     """Bytes of scratch that a task takes."""
     row = whole_lines(width * lanes)
     stored = 0 if paths == 3 else (STRIPE + 2 * OVERLAP) + STRIPE
-    return (3 + 2 * ROWS + 1 + stored) * row + whole_lines(width)
+    return (3 + 2 * ROWS + 1 + stored) * row + 2 * whole_lines(width)
 
 
 @kernel
@@ -68,6 +81,7 @@ class _Scratch(NamedTuple):
     costs: Uint8
     sums: Uint8
     line: Line
+    lowest: Uint8
     stored: Uint8
     below: Uint8
 
@@ -80,7 +94,8 @@ def _divided(arena: Uint8, row: int, width: int, rows: int) -> _Scratch:
     costs, rest = rest[:ROWS * row], rest[ROWS * row:]
     sums, rest = rest[:ROWS * row], rest[ROWS * row:]
     low, rest = rest[:width], rest[(width + 63) // 64 * 64:]
-    return _Scratch(ring.reshape(3, row), costs, sums, Line(line, low), rest[:rows * row], rest[rows * row:])
+    lowest, rest = rest[:width], rest[(width + 63) // 64 * 64:]
+    return _Scratch(ring.reshape(3, row), costs, sums, Line(line, low), lowest, rest[:rows * row], rest[rows * row:])
 
 
 @kernel
@@ -191,7 +206,10 @@ def _finish_rows(
         steps = p1, penalties.down[way.side, (y + k) * width:]
         sums, kept = scratch.sums[k * row:(k + 1) * row], (y + k - way.first) * row
         more = scratch.below[kept:kept + row] if way.from_below else scratch.below[:0]
-        winner = winners.left[y + k] if way.side == 0 else winners.right[y + k]
-        take_winners(costs[k * row:], steps, scratch.line, sums, more, winners.barrier, winner, lanes)
+        if way.side == 0:
+            row_winners = RowWinners(winners.left[y + k], winners.margin[y + k], scratch.lowest)
+        else:
+            row_winners = RowWinners(winners.right[y + k], winners.margin[0, :0], scratch.lowest)
+        take_winners(costs[k * row:], steps, scratch.line, sums, more, winners.masks, row_winners, lanes)
         if way.side == 0 and winners.vertex.size > 0:
-            fill_vertices(sums, winner, winners.num_disparities, winners.vertex[y + k], lanes)
+            fill_vertices(sums, row_winners.disparity, winners.num_disparities, winners.vertex[y + k], lanes)

@@ -20,12 +20,14 @@ _CHUNK = 4096
 
 class Winners(NamedTuple):
     """What stages 1 to 3 give: left int16 (H, W), right int16 (rows, W), mirrored, disparity - min_disparity; row y of
-    the left view meets row y // every of the right one. vertex: float32 (H, W), sub-pixel part, or (0, 0)."""
+    the left view meets row y // every of the right one. vertex: float32 (H, W), sub-pixel part, or (0, 0). margin:
+    uint8 (H, W), of the left view, as in `paths.RowWinners`; or (0, 0) where it was not measured."""
 
     left: Int16
     right: Int16
     every: int
     vertex: Float32
+    margin: Uint8
 
 
 class BestSoFar(NamedTuple):

@@ -1,7 +1,8 @@
 """The bilateral weighted median of stage 4 (eqs 17-19) of the filled pixels, in bytes.
 
-Disparities, guide and weights have 8 bits; the exponential of eq 17 is (1 - x / 64)^64, squared six times in 16 bits.
-Against `weighted_median` one median in some hundreds is another, by 1 px mostly.
+Disparities, guide and weights have 8 bits, see `similarity` for the exponential of eq 17. Of wide windows every second
+row is taken, which takes half the time: the even rows of the image, as neighbours that looked at different rows would
+differ. Against `weighted_median` with the same rows one median in a hundred is another, by 1 px mostly.
 """
 from __future__ import annotations
 
@@ -26,11 +27,11 @@ from ..kernels.wide import (
     shift_right,
     splat_wide,
     store_wide,
-    subtract_saturated,
     sum_wide,
     where_at_most,
     widen,
 )
+from .similarity import similarity, slope_of
 
 ROWS = 4
 """Rows of a task: filled pixels are spread unevenly."""
@@ -41,33 +42,45 @@ MOST_DISPARITIES = 256
 STEPS = 64
 """Steps of a disparity in the finished map: 1/64 px."""
 
+_ALL_ROWS = 7
+"""px; windows of more than this side are taken by every second row."""
+
 _SPARE = 64
 
 
 class MedianWindow(NamedTuple):
-    """What the window weighs. side: px, odd. spatial: uint16 (side * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0
-    beside the window. slope, bits: see `_colour_weights`. columns: uint8 (W + 2 r + spare), 255 in the image, else 0.
-    label_bits: of the largest disparity."""
+    """What the window weighs. radius: px; rows: how many are taken, `step` px apart, see `window_rows`.
+    spatial: uint16 (rows * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0 beside the window. slope: see `similarity`.
+    columns: uint8 (W + 2 r + spare), 255 in the image, else 0. label_bits: of the largest disparity."""
 
-    side: int
+    radius: int
+    rows: int
+    step: int
     spatial: Uint16
     slope: np.uint16
     columns: Uint8
     label_bits: int
 
 
+def window_rows(w_p: int) -> np.ndarray:
+    """Offsets of the rows that are taken of a window of side w_p, px, from the pixel's row or the even one above it."""
+    step, r = 1 if w_p <= _ALL_ROWS else 2, w_p // 2
+    return np.arange(-(r // step) * step, r + 1, step)
+
+
 @functools.lru_cache(maxsize=8)
 def median_window(width: int, w_p: int, sigma_s: float, sigma_c: float, num_disparities: int) -> MedianWindow:
     """For images `width` px wide; w_p, sigma_s in px, sigma_c on 0..1."""
     lanes, r = UNIT * len(window_lanes(w_p)), w_p // 2
-    offsets = np.arange(w_p) - r
-    spatial = np.zeros((w_p, lanes), np.uint16)
-    near = np.exp(-(offsets[:, None] ** 2 + offsets**2) / sigma_s**2)
+    columns_of, rows = np.arange(w_p) - r, window_rows(w_p)
+    spatial = np.zeros((len(rows), lanes), np.uint16)
+    near = np.exp(-(rows[:, None] ** 2 + columns_of**2) / sigma_s**2)
     spatial[:, :w_p] = np.minimum(np.rint(65536 * near), 65535)
     columns = np.zeros(width + 2 * r + _SPARE + lanes, np.uint8)
     columns[r:r + width] = 255
-    slope = min(round(65536 * 256 / (64 * (255 * sigma_c) ** 2)), 65535)
-    return MedianWindow(w_p, spatial.reshape(-1), np.uint16(slope), columns, max(1, (num_disparities - 1).bit_length()))
+    step = 1 if w_p <= _ALL_ROWS else 2
+    return MedianWindow(r, len(rows), step, spatial.reshape(-1), slope_of(sigma_c), columns,
+                        max(1, (num_disparities - 1).bit_length()))
 
 
 def window_lanes(w_p: int) -> Lanes:
@@ -114,7 +127,7 @@ def _fill_rows(task: int, _arena: Uint8, maps: MedianMaps, r: int, levels: Uint8
 
 def scratch_size(w_p: int) -> int:
     """Bytes of scratch a task takes."""
-    return 2 * (w_p * UNIT * len(window_lanes(w_p)) + _SPARE)
+    return 2 * (len(window_rows(w_p)) * UNIT * len(window_lanes(w_p)) + _SPARE)
 
 
 @kernel
@@ -152,7 +165,9 @@ class _Pointers(NamedTuple):
     pitch: int
     plane: int
     channels: int
-    side: int
+    radius: int
+    rows: int
+    step: int
     spatial: Any
     columns: Any
     slope: np.uint16
@@ -162,11 +177,11 @@ class _Pointers(NamedTuple):
 
 @kernel
 def _pointers(maps: MedianMaps, window: MedianWindow, arena: Uint8, step: int) -> _Pointers:
-    size = (window.side * step + _SPARE) // _SPARE * _SPARE
+    size = (window.rows * step + _SPARE) // _SPARE * _SPARE
     channels, rows, pitch = maps.guide.shape
     return _Pointers(pointer(arena), pointer(arena[size:]), pointer(maps.labels), pointer(maps.guide), pitch,
-                     rows * pitch, channels, window.side, pointer(window.spatial), pointer(window.columns),
-                     window.slope, window.label_bits, maps.filled.shape[0])
+                     rows * pitch, channels, window.radius, window.rows, window.step, pointer(window.spatial),
+                     pointer(window.columns), window.slope, window.label_bits, maps.filled.shape[0])
 
 
 @kernel
@@ -174,41 +189,31 @@ def _median(at: _Pointers, y: int, x: int, lanes: Lanes) -> int:
     step = UNIT * len(lanes)
     inside, nothing = load_wide(at.columns, x, lanes), splat_wide(np.uint8(0), lanes)
     total = splat_wide(np.uint16(0), lanes)
-    for k in range(at.side):
-        row = y + k - at.side // 2
+    top = y // at.step * at.step - at.rows // 2 * at.step
+    for k in range(at.rows):
+        row = top + k * at.step
         weight = nothing
         if 0 <= row < at.height:
-            weight = _colour_weights(at, y, x, k, lanes) & inside
+            weight = _colour_weights(at, (y, x), row, k, lanes) & inside
         store_wide(at.weights, k * step, weight)
-        store_wide(at.near, k * step, load_wide(at.labels, (y + k) * at.pitch + x, lanes))
+        store_wide(at.near, k * step, load_wide(at.labels, (row + at.radius) * at.pitch + x, lanes))
         total = total + widen(weight)
-    guess: Any = np.int64(at.labels[(y + at.side // 2) * at.pitch + x + at.side // 2])
+    guess: Any = np.int64(at.labels[(y + at.radius) * at.pitch + x + at.radius])
     return _weighted_median(at, guess, sum_wide(total), lanes)
 
 
 @kernel(inline=True)
-def _colour_weights(at: _Pointers, y: int, x: int, k: int, lanes: Lanes) -> Any:
-    """Weights of row k of the window around (y, x), 0 .. 255."""
-    r = at.side // 2
+def _colour_weights(at: _Pointers, pixel: tuple[int, int], row: int, k: int, lanes: Lanes) -> Any:
+    """Weights of the k-th row that is taken of the window around a pixel, image row `row`, 0 .. 255."""
+    (y, x), r = pixel, at.radius
     squares = splat_wide(np.uint16(0), lanes)
     for c in range(at.channels):
         own = splat_wide(at.guide[c * at.plane + (y + r) * at.pitch + x + r], lanes)
-        other = load_wide(at.guide, c * at.plane + (y + k) * at.pitch + x, lanes)
+        other = load_wide(at.guide, c * at.plane + (row + r) * at.pitch + x, lanes)
         difference = widen(maximum_wide(own, other) - minimum_wide(own, other))
         squares = add_saturated(squares, difference * difference)
-    share = subtract_saturated(splat_wide(np.uint16(65535), lanes), _sixty_fourth(squares, at.slope, lanes))
-    for _ in range(6):
-        share = multiply_high(share, share)
     spatial = load_wide(at.spatial, k * UNIT * len(lanes), lanes)
-    return narrow_wide(shift_right(multiply_high(share, spatial), 8))
-
-
-@kernel(inline=True)
-def _sixty_fourth(squares: Uint16, slope: np.uint16, lanes: Lanes) -> Any:
-    """squares * slope / 256, about 65535 where it does not fit."""
-    factor = splat_wide(slope, lanes)
-    high = minimum_wide(multiply_high(squares, factor), splat_wide(np.uint16(255), lanes))
-    return high * splat_wide(np.uint16(256), lanes) + shift_right(squares * factor, 8)
+    return narrow_wide(shift_right(multiply_high(similarity(squares, at.slope, lanes), spatial), 8))
 
 
 @kernel(inline=True)
@@ -230,6 +235,6 @@ def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) 
 def _weight_up_to(at: _Pointers, label: int, lanes: Lanes) -> Any:
     step = UNIT * len(lanes)
     limit, below = splat_wide(np.uint8(label), lanes), splat_wide(np.uint16(0), lanes)
-    for o in range(0, at.side * step, step):
+    for o in range(0, at.rows * step, step):
         below = below + widen(where_at_most(load_wide(at.near, o, lanes), limit, load_wide(at.weights, o, lanes)))
     return sum_wide(below)

@@ -1,11 +1,11 @@
-"""Stage 4, first half, by rows: left-right check (eq 15) and filling along scanlines (eq 16)."""
+"""Stage 4, first half, by rows: left-right check (eq 15), uniqueness, and filling along scanlines (eq 16)."""
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels.arrays import Bool, Int16, Int64, Uint8
+from ..kernels.arrays import Bool, Int16, Int32, Int64, Uint8
 from ..kernels.compilation import kernel
 from ..kernels.stripes import BLOCK
 from ..kernels.tasks import share
@@ -14,7 +14,9 @@ from ..kernels.tasks import share
 class Checked(NamedTuple):
     """left: int16 (H, W), disparity - min_disparity; right: int16 (rows, W), mirrored, row y // every stands for row y.
 
-    valid: bool (H, W), where they agree. filled: int16 (H, W), the left ones, invalid pixels filled.
+    margin: uint8 (H, W), of `RowWinners`, or (0, 0); least: of it that a valid pixel has. valid: bool (H, W), where
+    they agree. filled: int16 (H, W), the left ones, invalid pixels filled. runs: int32 (H, W + 2), of each row how many
+    runs of invalid pixels there are, then first pixel and end of each; or (1, 0) where they are not wanted.
     """
 
     left: Int16
@@ -22,8 +24,11 @@ class Checked(NamedTuple):
     every: int
     min_disparity: int
     tau_lr: np.float32
+    margin: Uint8
+    least: np.uint8
     valid: Bool
     filled: Int16
+    runs: Int32
 
 
 @kernel
@@ -37,7 +42,10 @@ def _check_rows(task: int, _arena: Uint8, checked: Checked) -> None:
     for y in range(task * BLOCK, min(checked.left.shape[0], (task + 1) * BLOCK)):
         right = checked.right[min(y // checked.every, checked.right.shape[0] - 1)]
         _check_row(checked.left[y], right, checked.min_disparity, checked.tau_lr, checked.valid[y])
-        _fill_row(checked.left[y], checked.valid[y], checked.filled[y])
+        if checked.least > 0 and checked.margin.size > 0:
+            _check_margins(checked.margin[y], checked.least, checked.valid[y])
+        row = min(y, checked.runs.shape[0] - 1)  # the last one stays empty where runs are not wanted
+        _fill_row(checked.left[y], checked.valid[y], checked.filled[y], checked.runs[row])
 
 
 @kernel
@@ -53,10 +61,16 @@ def _check_row(left: Int16, right: Int16, min_disparity: int, tau_lr: np.float32
 
 
 @kernel
-def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
+def _check_margins(margin: Uint8, least: np.uint8, valid: Bool) -> None:
+    for x in range(valid.size):
+        valid[x] = valid[x] and margin[x] >= least
+
+
+@kernel
+def _fill_row(disparity: Int16, valid: Bool, filled: Int16, runs: Int32) -> None:
     """Each invalid pixel gets the smaller of the nearest valid disparities on its row; with one side only that one,
-    without any what it has."""
-    width = disparity.size
+    without any what it has. runs: of `Checked`, or empty."""
+    width, count = disparity.size, 0
     before = np.int16(-1)
     x = 0
     while x < width:
@@ -72,7 +86,12 @@ def _fill_row(disparity: Int16, valid: Bool, filled: Int16) -> None:
         value = after if before < 0 else min(before, after)
         for k in range(x, end):
             filled[k] = value if value >= 0 else disparity[k]
+        if runs.size > 0:
+            runs[1 + 2 * count], runs[2 + 2 * count] = x, end
+            count += 1
         x = end
+    if runs.size > 0:
+        runs[0] = count
 
 
 def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
@@ -93,4 +112,4 @@ def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
 @kernel
 def _fill_map(disparity: Int16, valid: Bool, filled: Int16) -> None:
     for y in range(disparity.shape[0]):
-        _fill_row(disparity[y], valid[y], filled[y])
+        _fill_row(disparity[y], valid[y], filled[y], np.zeros(0, np.int32))

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba.core import types
@@ -55,12 +55,20 @@ def _window_median(_: Any, elements: Any, index: Any, pitch: Any, side: Any) -> 
 window_median: Any = _window_median  # called without the typing context
 
 
+class SmoothedMap(NamedTuple):
+    """Where medians go, each (H, W) or (0, 0) where it is not wanted. fixed: uint16, 1 / STEPS px; disparity: float32,
+    px."""
+
+    fixed: Uint16
+    disparity: Float32
+
+
 @kernel
 def smooth_map(
-    counter: Int64, end: int, arenas: Uint8, fixed: Uint16, side: int, min_disparity: int, disparity: Float32
+    counter: Int64, end: int, arenas: Uint8, fixed: Uint16, side: int, min_disparity: int, smoothed: SmoothedMap
 ) -> None:
-    """disparity: float32 (H, W), px, medians of fixed, uint16 (H, W) in 1 / STEPS px; side 1, 3 or 5."""
-    share(_smooth_rows, counter, end, arenas, (fixed, side, min_disparity, disparity))
+    """Medians of fixed, uint16 (H, W) in 1 / STEPS px; side 1, 3 or 5."""
+    share(_smooth_rows, counter, end, arenas, (fixed, side, min_disparity, smoothed))
 
 
 def scratch_size(width: int) -> int:
@@ -70,7 +78,7 @@ def scratch_size(width: int) -> int:
 
 @kernel
 def _smooth_rows(
-    task: int, arena: Uint8, fixed: Uint16, side: int, min_disparity: int, disparity: Float32
+    task: int, arena: Uint8, fixed: Uint16, side: int, min_disparity: int, smoothed: SmoothedMap
 ) -> None:
     scratch = arena.view(np.uint16)
     height, width = fixed.shape
@@ -85,8 +93,11 @@ def _smooth_rows(
     for y in range(first, last):
         at = (y - first) * pitch
         _median_row(pointer(scratch), at, pitch, side, width, pointer(window))
-        for x in range(width):
-            disparity[y, x] = np.float32(window[x]) * np.float32(1 / STEPS) + np.float32(min_disparity)
+        if smoothed.fixed.size > 0:
+            smoothed.fixed[y] = window[:width]
+        if smoothed.disparity.size > 0:
+            for x in range(width):
+                smoothed.disparity[y, x] = np.float32(window[x]) * np.float32(1 / STEPS) + np.float32(min_disparity)
 
 
 @kernel

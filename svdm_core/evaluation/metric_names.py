@@ -16,7 +16,7 @@ def unit(metric: str) -> str:
     """px, % or ms."""
     if metric == 'time_ms':
         return 'ms'
-    return '%' if metric.startswith(('bad', 'density', 'valid', 'streaks')) else 'px'
+    return '%' if metric.startswith(('bad', 'density', 'valid', 'kept', 'streaks')) else 'px'
 
 
 def written(metric: str, value: float) -> str:
@@ -27,7 +27,7 @@ def written(metric: str, value: float) -> str:
 
 def larger_is_better(metric: str) -> bool:
     """Of shares of pixels with an answer; all others are errors, or time."""
-    return metric in ('density', 'valid')
+    return metric in ('density', 'valid', 'kept')
 
 
 def default_metrics(layout: str) -> list[str]:

@@ -19,8 +19,12 @@ from .metric_names import OF_THE_MAP, REGION_TITLES, larger_is_better, unit, wri
 from .metrics import weighted_average
 from .paper import PAPER_AVGERR
 from .scene_evaluation import REGIONS, JudgedScene
+from .trust_pictures import draw_trust
+from .trust_report import THRESHOLDS, written_auc
 
 PAPER = 'paper'
+TRUST_COVERAGES = (100, 80, 50)
+"""%, of the table of confidences."""
 _TEMPLATE = 'templates/evaluation.html.jinja'
 _WIDTH = 800  # px, most that a picture takes
 _UNKNOWN = (128, 128, 128)
@@ -63,8 +67,8 @@ class EvaluationPage:
         pictures = [Picture('left image', _data_uri(scene.left)),
                     self._disparity('ground truth', scene.ground_truth, low, high)]
         for method, result in judged.items():
-            pictures.append(self._disparity(f'{method}: disparity', result.disparity, low, high))
-            error = self._factor * np.abs(result.disparity - scene.ground_truth)
+            pictures.append(self._disparity(f'{method}: disparity', result.answer.disparity, low, high))
+            error = self._factor * np.abs(result.answer.disparity - scene.ground_truth)
             figures = ', '.join(f'{result.figures[f"avgerr_{region}"]:.2f} px {region}' for region in REGIONS)
             pictures.append(Picture(
                 f'{method}: error (avgerr {figures})',
@@ -86,8 +90,11 @@ class EvaluationPage:
             document=document, rows=alignment_line(found) if found else '', methods=methods,
             columns=columns, scenes=self._scenes, regions=REGION_TITLES,
             resolution=_RESOLUTION_NAMES[document['resolution']], by_scene=_by_scene(methods, columns, weights),
+            thresholds=THRESHOLDS, coverages=TRUST_COVERAGES,
             metrics=[(metric.removesuffix('_ms'), unit(metric)) for metric in _shown(metrics)],
-            averages={region: _averages(methods, _shown(metrics), region) for region in REGIONS})
+            averages={region: _averages(methods, _shown(metrics), region) for region in REGIONS},
+            trust={region: _trust(methods, region) for region in REGIONS},
+            curves={region: _png_uri(draw_trust(methods, region)) for region in REGIONS})
 
     def _disparity(self, title: str, disparity: Image, low: float, high: float) -> Picture:
         colours = colour_map(disparity, low, high, DISPARITY_COLOURS, _UNKNOWN)
@@ -127,6 +134,22 @@ def _averages(methods: Mapping[str, Any], metrics: Sequence[str], region: str) -
     return {name: [column[number] for column in columns] for number, name in enumerate(methods)}
 
 
+def _trust(methods: Mapping[str, Any], region: str) -> dict[str, list[str]]:
+    """Method -> for each threshold: kept by its own check and wrong of it, wrong of the surest, area, AUC; then the
+    calibration error."""
+    rows = {}
+    for name, method in methods.items():
+        figures, row = method['confidence'][region], []
+        for threshold in THRESHOLDS:
+            found = figures[f'wrong_by_{threshold}px']
+            row += [f'{found["own_check"]["kept"]:.1f}', f'{found["own_check"]["wrong"]:.1f}']
+            row += ([*(f'{found["wrong"][coverage - 1]:.1f}' for coverage in TRUST_COVERAGES), f'{found["area"]:.2f}',
+                     written_auc(found['auc'])] if 'wrong' in found else ['-'] * (len(TRUST_COVERAGES) + 2))
+        error = figures['reliability']['calibration_error'] if 'reliability' in figures else None
+        rows[name] = [*row, '-' if error is None else f'{error:.3f}']
+    return rows
+
+
 def _cells(metric: str, values: Sequence[float | None]) -> list[Cell]:
     """Figures as texts; what reads the same as the best is best too, and one alone is not."""
     texts = ['-' if value is None else written(metric, value) for value in values]
@@ -144,6 +167,10 @@ def _data_uri(image: Image) -> str:
         image = np.asarray(cv2.resize(image, (_WIDTH, round(height * _WIDTH / width)), interpolation=cv2.INTER_AREA))
     jpeg = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes()
     return f'data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}'
+
+
+def _png_uri(png: bytes) -> str:
+    return f'data:image/png;base64,{base64.b64encode(png).decode()}'
 
 
 def _gradient(colours: int) -> str:

@@ -5,7 +5,7 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -17,19 +17,37 @@ from .datasets import StereoScene
 from .metrics import METRICS, error_metrics, weighted_average
 from .opencv_matchers import OPENCV_METHODS, OpenCVMatcher, settings_of
 from .streaks import streak_share
+from .trust_curves import kept_and_wrong
 
 OWN_METHOD = 'svdm'
 METHODS = (OWN_METHOD, *OPENCV_METHODS)
 REGIONS = ('nonocc', 'all')
-SCENE_METRICS = (*METRICS, 'valid')  # each of them for each region
+SCENE_METRICS = (*METRICS, 'valid', 'kept', 'kept_wrong')  # each of them for each region
+LEAST_CONFIDENCE = 0.2
+"""Of the pixels that count as kept."""
+WRONG = 1.0
+"""px of the images matched: a disparity that is off by more is wrong, as in `chance_wrong`."""
+
+
+class Answer(NamedTuple):
+    """disparity: float32 (H, W), px, dense. valid: bool (H, W), what the method vouches for. confidence: float32
+    (H, W), 0 .. 1, None where the method has none."""
+
+    disparity: Float32
+    valid: Bool
+    confidence: Float32 | None
+
+    @property
+    def trust(self) -> Float32:
+        """The confidence; where there is none, 1 where it is valid and 0 elsewhere."""
+        return self.valid.astype(np.float32) if self.confidence is None else self.confidence
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class JudgedScene:
-    """disparity: float32 (H, W), px, dense. figures: '<metric>_<region>', streaks, time_ms and num_disparities,
-    as in `judge`."""
+    """answer: the method's. figures: '<metric>_<region>', streaks, time_ms and num_disparities, as in `judge`."""
 
-    disparity: Float32
+    answer: Answer
     figures: dict[str, float]
 
 
@@ -65,21 +83,23 @@ class Contender:
         """Match `scene` and judge the dense map. factor: full-resolution px per px of its images.
 
         Figures: METRICS for nonocc (pixels that both views see) and all, over known ground truth; valid, the % of
-        these pixels that the matcher itself vouches for before it fills (left-right check; OpenCV's own answer).
-        streaks, % of the map: see `streak_share`. time_ms is of this one frame, filling included. Raises ValueError
-        where the method cannot match the scene.
+        these pixels that the matcher itself vouches for before it fills (left-right check; OpenCV's own answer). kept,
+        the % with a confidence of LEAST_CONFIDENCE or more, for OpenCV the same as valid; kept_wrong, the % of these
+        off by more than WRONG px of the images matched, 0 where none is kept. streaks, % of the map: see
+        `streak_share`. time_ms is of this one frame, filling included. Raises ValueError where the method cannot match
+        the scene.
         """
         num_disparities = self._num_disparities or scene.num_disparities
         self._warm_up(scene, num_disparities)
         start = time.perf_counter()
         try:
-            disparity, valid = self._match(scene, num_disparities)
+            answer = self._match(scene, num_disparities)
         except cv2.error as error:
             raise ValueError(f'{scene.name}: {self.method} cannot match it: {error.err}') from None
         milliseconds = 1e3 * (time.perf_counter() - start)
-        figures = scene_figures(disparity, valid, scene, factor)
-        return JudgedScene(disparity, {**figures, 'streaks': streak_share(disparity, scene.left),
-                                         'time_ms': milliseconds, 'num_disparities': num_disparities})
+        figures = scene_figures(answer, scene, factor)
+        return JudgedScene(answer, {**figures, 'streaks': streak_share(answer.disparity, scene.left),
+                                    'time_ms': milliseconds, 'num_disparities': num_disparities})
 
     def _warm_up(self, scene: StereoScene, num_disparities: int) -> None:
         """Compile what the scene needs before its time is taken."""
@@ -88,25 +108,39 @@ class Contender:
             if self._own.not_compiled(scene.left):
                 self._own.compute(scene.left[:8, :12], scene.right[:8, :12])
 
-    def _match(self, scene: StereoScene, num_disparities: int) -> tuple[Float32, Bool]:
+    def _match(self, scene: StereoScene, num_disparities: int) -> Answer:
         if self.method == OWN_METHOD:
             self._own.parameters = self._parameters.replace(num_disparities=num_disparities)
             result = self._own.compute(scene.left, scene.right)
-            return result.disparity, result.valid
+            return Answer(result.disparity, result.valid, result.confidence)
         cv2.setNumThreads(self._threads or -1)  # -1 is OpenCV's own choice; 0 would be one thread
         channels = 1 if scene.left.ndim == 2 else scene.left.shape[2]
-        return OpenCVMatcher(self.method, num_disparities, channels).compute_filled(scene.left, scene.right)
+        matcher = OpenCVMatcher(self.method, num_disparities, channels)
+        return Answer(*matcher.compute_filled(scene.left, scene.right), None)
 
 
-def scene_figures(disparity: Float32, valid: Bool, scene: StereoScene, factor: float) -> dict[str, float]:
-    """'<metric>_<region>' -> value, as in `Contender.judge`. disparity, valid: (H, W)."""
+def known_pixels(scene: StereoScene) -> dict[str, Bool]:
+    """Region -> bool (H, W), the pixels of known ground truth in it."""
+    known = np.isfinite(scene.ground_truth)
+    return {'nonocc': known & scene.nonocc, 'all': known}
+
+
+def scene_figures(answer: Answer, scene: StereoScene, factor: float) -> dict[str, float]:
+    """'<metric>_<region>' -> value, as in `Contender.judge`."""
     figures = {}
-    for region, mask in (('nonocc', scene.nonocc), ('all', np.ones_like(scene.nonocc))):
-        known = mask & np.isfinite(scene.ground_truth)
-        metrics = error_metrics(disparity, scene.ground_truth, mask, factor)
-        metrics['valid'] = 100 * float(valid[known].mean())
+    for region, known in known_pixels(scene).items():
+        metrics = error_metrics(answer.disparity, scene.ground_truth, known, factor)
+        metrics['valid'] = 100 * float(answer.valid[known].mean())
+        chosen = answer.trust[known] >= LEAST_CONFIDENCE
+        metrics['kept'], metrics['kept_wrong'] = kept_and_wrong(chosen, wrong_pixels(answer, scene, known, WRONG))
         figures.update({f'{name}_{region}': metrics[name] for name in SCENE_METRICS})
     return figures
+
+
+def wrong_pixels(answer: Answer, scene: StereoScene, known: Bool, most: float) -> Bool:
+    """bool (N,), of the pixels `known`: those off by more than `most` px of the images matched."""
+    error = np.abs(answer.disparity[known].astype(np.float64) - scene.ground_truth[known])
+    return ~(error <= most)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -170,6 +170,7 @@ add_saturated = _lanewise('a + b of unsigned lanes, at most what a lane holds.',
 subtract_saturated = _lanewise('a - b of unsigned lanes, at least 0.', _called('usub.sat'))
 minimum_wide = _lanewise('The smaller of each two unsigned lanes.', _called('umin'))
 maximum_wide = _lanewise('The larger of each two unsigned lanes.', _called('umax'))
+subtract_signed = _lanewise('a - b of signed lanes, at the nearest number that a lane holds.', _called('ssub.sat'))
 
 
 def _rounded_mean(builder: Any, wide: Wide, a: Any, b: Any) -> Any:
@@ -204,6 +205,36 @@ def shift_right(_: Any, a: Any, bits: Any) -> Any:
         return join(builder, [builder.lshr(piece, count) for piece in split(builder, arguments[0], a)], a)
 
     return a(a, bits), generate
+
+
+@wide_intrinsic
+def shift_right_signed(_: Any, a: Any, bits: Any) -> Any:
+    """Signed lanes divided by 2^bits, rounded down; bits is written in the kernel."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        count = _constant(a, bits.literal_value)
+        return join(builder, [builder.ashr(piece, count) for piece in split(builder, arguments[0], a)], a)
+
+    return a(a, bits), generate
+
+
+@wide_intrinsic
+def as_signed(_: Any, a: Any) -> Any:
+    """The bits of uint16 as int16."""
+    return Wide(types.int16, a.lanes)(a), lambda context, builder, signature, arguments: arguments[0]
+
+
+@wide_intrinsic
+def magnitude(_: Any, a: Any) -> Any:
+    """|a| of int16, as uint16."""
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pieces = []
+        for piece in split(builder, arguments[0], a):
+            nothing = ir.Constant(piece.type, [0] * a.piece)
+            negative = builder.icmp_signed('<', piece, nothing)
+            pieces.append(builder.select(negative, builder.sub(nothing, piece), piece))
+        return join(builder, pieces, a)
+
+    return Wide(types.uint16, a.lanes)(a), generate
 
 
 @wide_intrinsic

@@ -22,7 +22,7 @@ _RIDGE = 0.001
 _TERM_COUNTS = (6, 4)
 """Of TERMS, from the first on: all, or without squares. A plane or a constant alone are none: what real rigs have is
 mostly uv, of which points in a part of the image make a plane that is wrong everywhere else."""
-_LARGEST_ERROR = 0.1
+_LARGEST_ERROR = 0.15
 """px, standard error of the field anywhere in the image, at most; else it has fewer terms."""
 _CELLS = 8
 """Columns and rows of cells: what is fitted on the black ones of a chessboard is judged on the white ones."""

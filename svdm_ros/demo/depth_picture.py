@@ -27,7 +27,7 @@ def draw_depth(path: Path, scene: Scene, space: Space, headline: str) -> None:
     left.set_title('What the left camera sees')
     depth.set_facecolor(UNKNOWN)
     shown = depth.imshow(space.depth, cmap='turbo_r', vmin=low, vmax=high, interpolation='nearest')
-    depth.set_title('depth/image_rect: how far each pixel is')
+    depth.set_title('depth/image_rect: how far each pixel is; grey, not known well enough')
     figure.colorbar(shown, ax=depth, label='distance ahead of the camera (m)', extend='both', pad=0.02)
     turned.imshow(turned_view(space, high, scene.left.shape[:2]))
     turned.set_title('points2: the same scene from a place to the side and above')

@@ -11,7 +11,7 @@ from svdm_core import DisparityResult, NotEnoughMemoryError, StereoMatcher
 from svdm_core.memory import is_out_of_memory, lacking_text
 
 from ..calibration.geometry import stereo_geometry
-from .filtering import known_pixels, nothing_left
+from .filtering import filled_or_valid, nothing_left
 from .matched_frame import MatchedFrame
 from .preparation import PreparedPair, beyond_reach, prepare, with_search_range
 from .row_offsets import RectificationCheck
@@ -79,13 +79,13 @@ class FrameProcessor:
             searched = start, start + parameters.matcher.num_disparities - 1
             self._rectification.look(pair.left, pair.right, searched, frame.arrived, setting[1:])
         result = self._match(pair, parameters)
-        known = known_pixels(result, pair.geometry, parameters)
         weight = parameters.temporal_filter
-        disparity = self._temporal(result.disparity, known, weight, frame.arrived, setting)
+        disparity = self._temporal(result.disparity, filled_or_valid(result.valid, parameters), weight, frame.arrived,
+                                   setting)
         step = 0.0 if weight > 0 else result.step
-        matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, known, step, pair.geometry,
-                               parameters)
-        nothing = '' if known.any() else nothing_left(parameters)
+        matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, result.confidence, step,
+                               pair.geometry, parameters)
+        nothing = nothing_left(matched)
         notes = whole.problem, range_problem, pair.note, nothing
         return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)),
                               beyond_reach(pair.geometry, parameters.matcher.min_disparity))

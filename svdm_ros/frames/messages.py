@@ -69,7 +69,7 @@ def disparity_image(frame: MatchedFrame, types: MessageTypes) -> Any:
     the range.
     """
     smallest, largest = frame.limits
-    filled = frame.parameters.publish_filled and frame.parameters.confidence_threshold == 0
+    filled = frame.parameters.publish_filled
     return types.disparity_image(
         header=frame.header,
         image=image_message(frame.published, '32FC1', frame.header, types),

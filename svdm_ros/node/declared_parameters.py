@@ -25,7 +25,7 @@ _ELSEWHERE = {
     'approximate_sync_tolerance_seconds': 'approximate_sync_tolerance',
     'disparity_range': 'num_disparities', 'disp12_max_diff': 'tau_lr', 'P1': 'p1', 'P2': 'p2', 'sgbm_mode': 'paths',
     'stereo_algorithm': 'aggregation', 'correlation_window_size': 'aggregation',
-    'uniqueness_ratio': 'confidence_threshold',
+    'uniqueness_ratio': 'uniqueness',
 }
 """Parameters of stereo_image_proc's disparity_node, and what serves the same purpose here."""
 

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
 
-    from .frame_statistics import FrameCounts
+    from .frame_statistics import FrameCounts, PixelShares
 
 _IDLE = 'idle: nobody subscribes to an output'
 
@@ -39,7 +39,7 @@ def diagnostic_array(
         'published': str(counts.published),
         'defects': str(counts.defects),
         'rate (Hz)': f'{rate:.2f}',
-        **_checked(counts.checked),
+        **_shares(counts.shares),
         **more,
         **_latencies(counts.latencies),
         **{f'{stage} (ms)': f'{milliseconds:.1f}' for stage, milliseconds in counts.timings.items()},
@@ -51,8 +51,12 @@ def diagnostic_array(
     return message
 
 
-def _checked(shares: tuple[float, ...]) -> dict[str, str]:
-    return {'left-right check passed (%)': f'{100 * statistics.fmean(shares):.0f}'} if shares else {}
+def _shares(shares: tuple[PixelShares, ...]) -> dict[str, str]:
+    if not shares:
+        return {}
+    checked, confident = (statistics.fmean(values) for values in zip(*shares, strict=True))
+    return {'left-right check passed (%)': f'{100 * checked:.0f}',
+            'confidence above confidence_threshold (%)': f'{100 * confident:.0f}'}
 
 
 def _latencies(latencies: tuple[float, ...]) -> dict[str, str]:

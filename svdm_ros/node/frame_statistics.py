@@ -6,9 +6,18 @@ import statistics
 import threading
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 _LATENCIES_KEPT = 100
 _SHARES_KEPT = 30
+
+
+class PixelShares(NamedTuple):
+    """Of one frame, 0 .. 1. checked: of pixels that passed the left-right check and are unique. confident: of those
+    whose confidence reaches confidence_threshold."""
+
+    checked: float
+    confident: float
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -16,7 +25,7 @@ class FrameCounts:
     """A snapshot: totals since the start, and `latencies` (s, arrival to publication) of late.
 
     `timings`: the mean milliseconds of each stage over the frames since the snapshot before, or if there were none, as
-    it was then. `checked`: share of pixels, 0 .. 1, that passed the left-right check, of the last frames.
+    it was then. `shares`: of the last frames.
     `defects` counts exceptions that nothing accounts for, whether they cost a frame or not.
     """
 
@@ -27,7 +36,7 @@ class FrameCounts:
     defects: int
     latencies: tuple[float, ...]
     timings: Mapping[str, float]
-    checked: tuple[float, ...] = ()
+    shares: tuple[PixelShares, ...] = ()
 
     @property
     def total_dropped(self) -> int:
@@ -50,7 +59,7 @@ class FrameStatistics:
         self._dropped: Counter[str] = Counter()
         self._pairs = self._published = self._defects = 0
         self._latencies: deque[float] = deque(maxlen=_LATENCIES_KEPT)
-        self._checked: deque[float] = deque(maxlen=_SHARES_KEPT)
+        self._shares: deque[PixelShares] = deque(maxlen=_SHARES_KEPT)
         self._timings: dict[str, float] = {}
         self._frames: list[Mapping[str, float]] = []
 
@@ -76,11 +85,11 @@ class FrameStatistics:
         with self._lock:
             self._defects += 1
 
-    def count_published(self, latency: float, timings: Mapping[str, float], checked: float) -> None:
+    def count_published(self, latency: float, timings: Mapping[str, float], shares: PixelShares) -> None:
         with self._lock:
             self._published += 1
             self._latencies.append(latency)
-            self._checked.append(checked)
+            self._shares.append(shares)
             self._frames.append(dict(timings))
 
     def snapshot(self) -> FrameCounts:
@@ -97,7 +106,7 @@ class FrameStatistics:
                 defects=self._defects,
                 latencies=tuple(self._latencies),
                 timings=dict(self._timings),
-                checked=tuple(self._checked),
+                shares=tuple(self._shares),
             )
 
 

@@ -14,7 +14,7 @@ from ..frames.row_offsets import RectificationCheck
 from ..frames.views import FrameError, StereoFrame
 from .camera_infos import CameraInfos
 from .failures import Failures
-from .frame_statistics import FrameStatistics
+from .frame_statistics import FrameStatistics, PixelShares
 from .log_lines import Line, LogLines
 from .parameter_set import NodeParameters
 from .worker import Worker
@@ -91,7 +91,8 @@ class Matching:
         finally:
             self._say_compiled()
         self._publish(done.frame)
-        self._statistics.count_published(time.monotonic() - frame.arrived, done.timings, done.frame.checked_share)
+        shares = PixelShares(done.frame.checked_share, done.frame.confident_share)
+        self._statistics.count_published(time.monotonic() - frame.arrived, done.timings, shares)
         self._tell(done, None in (frame.left_info, frame.right_info))
 
     def _tell(self, done: ProcessedFrame, lacks_info: bool) -> None:

@@ -29,7 +29,7 @@ _OWN_TABLE = (
         'queue_size', 10, 'images queued per camera until their partner comes', minimum=1, maximum=1000),
     ParameterInfo(
         'publish_filled', True,
-        'publish a disparity for every pixel; false: only where the left-right check passed, the rest is invalid'),
+        'publish a disparity for every pixel; false: only where it is measured and confident enough, else invalid'),
     ParameterInfo(
         'baseline', 0.0, 'distance of the cameras, in place of the one in right/camera_info; 0 takes that one',
         unit='m', minimum=0.0, maximum=1000.0),
@@ -56,7 +56,9 @@ _OWN_TABLE = (
         'speckle_size', 0, 'regions of up to so many pixels that differ from all around are unknown; 0: off', unit='px',
         minimum=0, maximum=100000),
     ParameterInfo(
-        'confidence_threshold', 0.0, 'disparities of less confidence are unknown; 0: off', minimum=0.0, maximum=1.0),
+        'confidence_threshold', 0.2,
+        'pixels of less confidence have no depth and no point; with publish_filled false no disparity either; 0: off',
+        minimum=0.0, maximum=1.0),
     ParameterInfo(
         'temporal_filter', 0.0, 'weight of the past in the disparities, for a camera that stands or moves slowly; '
         '0: off; the result then depends on the frames before', minimum=0.0, maximum=0.95),
@@ -108,7 +110,7 @@ class NodeParameters:
     max_depth: float = 0.0
     max_rate: float = 0.0
     speckle_size: int = 0
-    confidence_threshold: float = 0.0
+    confidence_threshold: float = 0.2
     temporal_filter: float = 0.0
     exposure_match: str = 'off'
     num_threads: int = 0

@@ -133,8 +133,8 @@ class FallingBehind:
 class FailedMatches:
     """Pairs of which few pixels pass the left-right check.
 
-    Real pairs of Middlebury and KITTI have 60 to 90 % that do, with left and right swapped 26 to 42 %, with the wrong
-    search range 17 to 30 %, five rows apart 31 to 57 %, unrelated noise 15 to 24 %.
+    Real pairs of Middlebury and KITTI have 65 to 87 % that do and are unique, with left and right swapped 12 to 30 %,
+    with a quarter of the search range 32 to 60 %, five rows apart 19 to 54 %, unrelated noise 4 to 14 %.
     """
 
     def __init__(self) -> None:

@@ -23,7 +23,7 @@ BOX = {'aggregation': 'box', 'paths': 3}
 
 # The paper's stages.
 LITERAL = {'intensity_range': 'full', 'tau_ad': 7 / 255, 'census_weight': 0.0, 'p2': 0.0, 'sigma_tree': 0.1,
-           'final_median': 1}
+           'final_median': 1, 'uniqueness': 0.0, 'filling': 'scanline', 'plane_fit': False}
 
 
 def match(left, right, parameters=SMALL, threads=0):
@@ -118,8 +118,8 @@ def test_four_paths_see_no_difference_between_top_and_bottom_and_three_do():
     left, right = noise(30, 60), noise(30, 60, seed=1)
     same = []
     for paths in (3, 4):
-        parameters = MatcherParameters(num_disparities=12, aggregation='box', paths=paths, median_scope='filled', w_p=1,
-                                       tau_lr=100.0, subpixel=False, final_median=1)
+        parameters = MatcherParameters(num_disparities=12, aggregation='box', paths=paths, w_p=1, tau_lr=100.0,
+                                       subpixel=False, final_median=1, filling='scanline', plane_fit=False)
         upright, upside_down = match(left, right, parameters), match(left[::-1], right[::-1], parameters)
         same.append((upright.disparity == upside_down.disparity[::-1]).mean())
     assert same[0] < 0.9 and same[1] > 0.99  # but for ties

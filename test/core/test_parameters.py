@@ -26,7 +26,8 @@ def test_the_table_is_in_the_order_of_the_stages():
     stages = [info.stage for info in parameter_table()]
     assert stages == sorted(stages, key=STAGES.index)
     assert [info.name for info in parameter_table() if info.stage == STAGES[-1]] == [
-        'tau_lr', 'median_scope', 'median_guide', 'w_p', 'sigma_s', 'sigma_c', 'final_median']
+        'tau_lr', 'uniqueness', 'filling', 'median_scope', 'median_guide', 'w_p', 'sigma_s', 'sigma_c', 'final_median',
+        'plane_fit']
 
 
 @pytest.mark.parametrize('info', RANGED, ids=lambda info: info.name)

@@ -10,24 +10,24 @@ from svdm_core.presets import preset_folder, preset_text
 NAMES = (
     'gradient', 'alpha', 'tau_ad', 'tau_gm', 'guide_blur', 'census_weight', 'aggregation', 'sigma_tree', 'd_y',
     'subpixel', 'p1', 'p2', 'p2_edge', 'paths', 'tau_lr', 'median_scope', 'median_guide', 'w_p', 'sigma_s',
-    'sigma_c', 'final_median',
+    'sigma_c', 'final_median', 'uniqueness', 'filling', 'plane_fit',
 )
 PRESETS = {
     'accurate': (
         'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
-        'filled', 'image', 41, 24.0, 0.08, 5),
+        'filled', 'image', 41, 24.0, 0.08, 3, 0.09, 'far', True),
     'default': (
         'horizontal', 10.7, 0.04, 2 / 255, 1, 0.5, 'tree', 0.015, 255, True, 0.07, 0.9, 20.0, 4, 1.0,
-        'filled', 'image', 21, 14.0, 0.1, 5),
+        'filled', 'image', 23, 14.0, 0.06, 3, 0.09, 'far', True),
     'fast': (
         'horizontal', 0.0, 0.0, 2 / 255, 1, 0.3, 'box', 0.1, 255, True, 0.05, 0.7, 8.0, 3, 1.0, 'filled',
-        'image', 11, 8.0, 0.1, 5),
+        'image', 11, 8.0, 0.06, 5, 0.09, 'far', False),
     'paper': (
         'magnitude', 10.7, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
-        'image', 31, 15.8, 0.175, 1),
+        'image', 31, 15.8, 0.175, 1, 0.0, 'scanline', False),
     'paper_start': (
         'magnitude', 1.0, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
-        'image', 11, 1.0, 0.1, 1),
+        'image', 11, 1.0, 0.1, 1, 0.0, 'scanline', False),
 }
 OF_RANGE_AND_ROWS = {'accurate': ('pair', 1), 'default': ('pair', 2), 'fast': ('pair', 2), 'paper': ('full', 2),
                      'paper_start': ('full', 2)}  # intensity_range, right_rows

@@ -21,6 +21,7 @@ def test_matching_and_refining_is_computing_and_the_matched_pair_stays():
         result = matcher.refine(matched)
         np.testing.assert_array_equal(result.disparity, expected.disparity)
         np.testing.assert_array_equal(result.valid, expected.valid)
+        np.testing.assert_array_equal(result.confidence, expected.confidence)
         assert set(result.timings) == set(expected.timings)
     assert result.timings['total'] == pytest.approx(sum(result.timings.values()) / 2)
 
@@ -35,8 +36,10 @@ def test_only_parameters_of_stage_4_may_change():
 
 
 @pytest.mark.parametrize(('changes', 'step'), [
-    ({}, 1 / 64), ({'final_median': 1}, 1 / 64), ({'subpixel': False}, 1), ({'num_disparities': 1}, 1),
-    ({'median_scope': 'all'}, 0), ({'min_disparity': -30, 'num_disparities': 40}, 1 / 64)])
+    ({}, 1 / 64), ({'final_median': 1}, 1 / 64), ({'subpixel': False}, 1 / 64), ({'num_disparities': 1}, 1 / 64),
+    ({'median_scope': 'all'}, 1 / 64), ({'min_disparity': -30, 'num_disparities': 40}, 1 / 64),
+    ({'plane_fit': False}, 1 / 64), ({'plane_fit': False, 'subpixel': False}, 1),
+    ({'plane_fit': False, 'num_disparities': 1}, 1), ({'plane_fit': False, 'median_scope': 'all'}, 0)])
 def test_disparities_are_multiples_of_the_step(changes, step):
     result = StereoMatcher(PARAMETERS.replace(**changes)).compute(noise(30, 50), noise(30, 50, seed=1))
     assert result.step == step

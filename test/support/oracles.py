@@ -193,6 +193,20 @@ def symmetric_v(below, best, above):
     return (below - above) / (2 * slope)
 
 
+def runs(wanted):
+    """[first, end] of each run of True in a row."""
+    edges = np.flatnonzero(np.diff(np.r_[0, wanted, 0].astype(int)))
+    return edges.reshape(-1, 2).tolist()
+
+
+def margin(sums):
+    """255 (m2 / m1 - 1), at most 255: m1 the smallest sum of a pixel, m2 the smallest beyond its neighbours."""
+    winner = int(np.argmin(sums))
+    rivals = [255, *(int(value) for d, value in enumerate(sums) if abs(d - winner) > 1)]
+    least = int(sums[winner])
+    return min(255, int(255 * (min(rivals) - least) / max(least, 1)))
+
+
 def left_right_check(left, right, min_disparity, tau_lr):
     """Eq 15; left and right are disparities less min_disparity."""
     valid = np.zeros(left.shape, bool)
@@ -214,12 +228,14 @@ def fill(disparity, valid):
     return filled
 
 
-def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c):
-    """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W)."""
+def median_histogram(labels, guide, y, x, window, sigma_s, sigma_c, step=1):
+    """Eqs 17-18: h(p, d) as {label: weight} of the window around (y, x), cut off at the border; guide (C, H, W). step:
+    px from row to row, which are multiples of it."""
     height, width = labels.shape
     radius = window // 2
     histogram = {}
-    rows = range(max(0, y - radius), min(height, y + radius + 1))
+    middle = y // step * step
+    rows = [v for v in range(middle - radius // step * step, middle + radius + 1, step) if 0 <= v < height]
     columns = range(max(0, x - radius), min(width, x + radius + 1))
     for v, u in itertools.product(rows, columns):
         spatial = ((v - y) ** 2 + (u - x) ** 2) / sigma_s**2
@@ -235,3 +251,55 @@ def is_weighted_median(label, histogram, tolerance=1e-4):
     below = sum(weight for other, weight in histogram.items() if other < label)
     up_to = below + histogram.get(label, 0.0)
     return label in histogram and below < half * (1 + tolerance) and up_to >= half * (1 - tolerance)
+
+
+def confidence(valid, margin, grey, least_texture):
+    """The mean of margins of valid pixels in 9 x 9, 0 beyond the image; 0 where the mean |Sobel x| / 8 in 9 x 7,
+    borders replicated, is below `least_texture`."""
+    height, width = valid.shape
+    padded = np.pad(grey.astype(int), 1, mode='edge')
+    across = padded[:, 2:] - padded[:, :-2]
+    slope = np.pad(np.abs(across[:-2] + 2 * across[1:-1] + across[2:]) / 8, ((3, 3), (4, 4)), mode='edge')
+    trusted = np.pad(np.where(valid, margin / 255, 0), 4)
+    result = np.zeros(valid.shape)
+    for y, x in np.ndindex(height, width):
+        if slope[y:y + 7, x:x + 9].mean() >= least_texture:
+            result[y, x] = trusted[y:y + 9, x:x + 9].mean()
+    return result
+
+
+def far_histogram(labels, valid, guide, y, x, column):
+    """Eqs 17-18 over valid pixels of a sparse window: every column-th pixel of a row, 15 of every second of them around
+    the one that holds x, in 15 rows as far apart around the one that holds y; guide (C, H, W) on 0..1."""
+    height, width = labels.shape
+    histogram = {}
+    for i, j in itertools.product(range(-7, 8), repeat=2):
+        row = y // (2 * column) + i
+        v, u = min((2 * row + 1) * column, height - 1), min((x // column + 2 * j) * column + column // 2, width - 1)
+        if 0 <= row < -(-height // (2 * column)) and 0 <= x // column + 2 * j < -(-width // column) and valid[v, u]:
+            unlike = ((guide[:, y, x].astype(float) - guide[:, v, u]) ** 2).sum() / 0.04**2
+            label = int(labels[v, u])
+            histogram[label] = histogram.get(label, 0.0) + np.exp(-(i * i + j * j) / 4.0**2 - unlike)
+    return histogram
+
+
+def plane_fit(disparity, support, guide):
+    """Each disparity, px, by the height of the plane e = a + b dx + c dy through 15 pixels (dx 0, +-4, +-8; dy 0, +-6),
+    e the difference to it: weights support (1 - (e / (1 + 0.15 (|dx| + |dy|)))^2)^2 (1 - (m / 0.1)^2)^2, m the largest
+    difference of a channel; 1 px^2 added to the variances of dx and dy. guide (C, H, W) on 0..1."""
+    height, width = disparity.shape
+    result = disparity.astype(float)
+    for y, x in np.ndindex(height, width):
+        rows = []
+        for dy, dx in itertools.product((-6, 0, 6), (-8, -4, 0, 4, 8)):
+            if 0 <= y + dy < height and 0 <= x + dx < width:
+                e = float(disparity[y + dy, x + dx]) - float(disparity[y, x])
+                near = max(0.0, 1 - (e / (1 + 0.15 * (abs(dx) + abs(dy))))**2)**2
+                m = np.abs(guide[:, y, x].astype(float) - guide[:, y + dy, x + dx]).max()
+                rows.append((support[y + dy, x + dx] * near * max(0.0, 1 - (m / 0.1)**2)**2, dx, dy, e))
+        weight, *values = np.array(rows).T
+        mean = np.average(values, axis=1, weights=weight)
+        spread = np.cov(values, aweights=weight, ddof=0)
+        slopes = np.linalg.solve(spread[:2, :2] + np.eye(2), spread[:2, 2])
+        result[y, x] += mean[2] - slopes @ mean[:2]
+    return result

@@ -31,7 +31,7 @@ from .preview import write_preview
 from .summary import Progress, Summary
 from .threads import WriteBehind, read_ahead
 
-_FORMAT = 1
+_FORMAT = 2
 """Raised with every change of the messages that are written for the same recording and the same options."""
 _AHEAD = 8
 """Messages that are read ahead, and results that wait to be written."""

@@ -26,9 +26,10 @@ from svdm_core.commands import cli
 from svdm_core.evaluation.datasets import MIDDLEBURY_WEIGHTS
 from svdm_core.evaluation.metrics import METRICS, weighted_average
 from svdm_core.evaluation.paper import PAPER_AVGERR, PAPER_WEIGHTED
-from svdm_core.evaluation.scene_evaluation import Contender
+from svdm_core.evaluation.scene_evaluation import Answer, Contender
 
 REGIONS = ('nonocc', 'all')
+OF_TRUST = ('valid', 'kept', 'kept_wrong')
 
 
 def document_of(folder, *arguments):
@@ -66,7 +67,7 @@ def test_metrics_by_hand_in_full_resolution_px(folder):
 
 def test_the_keys_and_the_weighted_average(folder):
     document = document_of(folder)
-    keys = {f'{metric}_{region}' for metric in (*METRICS, 'valid') for region in REGIONS} | {'streaks', 'time_ms'}
+    keys = {f'{metric}_{region}' for metric in (*METRICS, *OF_TRUST) for region in REGIONS} | {'streaks', 'time_ms'}
     assert set(document['weighted']) == keys
     assert all(set(scene) == keys | {'num_disparities'} for scene in document['scenes'].values())
     assert document['weighted']['avgerr_nonocc'] == pytest.approx(8 / 84 * 1 / 1.5)
@@ -123,12 +124,42 @@ def test_methods_side_by_side(folder, capsys):
     assert list(document['methods']) == ['svdm', 'bm', 'sgbm-hh'] and document['method'] == 'svdm'
     assert all(name in table for name in document['methods'])
     for method in document['methods'].values():
-        assert set(method) == {'parameters', 'scenes', 'weighted'}
+        assert set(method) == {'parameters', 'scenes', 'weighted', 'confidence'}
         assert method['weighted']['density_all'] == 100
     assert document['methods']['svdm']['weighted']['avgerr_nonocc'] == pytest.approx(8 / 84)
     assert document['methods']['sgbm-hh']['weighted']['a50_all'] < 0.5
-    assert {key: document[key] for key in ('parameters', 'scenes', 'weighted')} == document['methods']['svdm']
+    first = {key: document[key] for key in ('parameters', 'scenes', 'weighted', 'confidence')}
+    assert first == document['methods']['svdm']
     assert document['methods']['sgbm-hh']['weighted']['valid_all'] < 100
+
+
+def test_what_is_kept_and_what_is_wrong_of_it_by_hand(folder, capsys):
+    document = document_of(folder, '--method', 'svdm,bm', '--scenes', 'Attic', '--metrics', 'kept', 'kept_wrong')
+    output = capsys.readouterr().out
+    assert 'kept_wrong' in output and 'by confidence: 1.1 % of the' in output
+    svdm, bm = (method['confidence'] for method in document['methods'].values())
+    # One visible column of 84 is off by 2 px of the images; of 90 in all none of the others by more than 1 px.
+    for region, columns in (('nonocc', 84), ('all', 90)):
+        assert svdm[region]['wrong_by_1px']['wrong'][-1] == pytest.approx(100 / columns)
+        assert svdm[region]['wrong_by_2px']['wrong'] == [0] * 100 and svdm[region]['wrong_by_2px']['auc'] is None
+        assert svdm[region]['wrong_by_1px']['own_check']['wrong'] == pytest.approx(100 / 84)
+        assert set(bm[region]['wrong_by_1px']) == {'own_check'} and 'reliability' not in bm[region]
+    figures = document['methods']['svdm']['scenes']['Attic']
+    assert figures['kept_nonocc'] > 99 and figures['kept_wrong_nonocc'] == pytest.approx(100 / 84, rel=0.01)
+    assert svdm['all']['wrong_by_1px']['own_check']['kept'] == pytest.approx(figures['valid_all'])
+    bm_figures = document['methods']['bm']['scenes']['Attic']
+    assert bm_figures['kept_all'] == bm_figures['valid_all'] < 100
+
+
+def test_the_constants_are_fitted_and_told(folder, capsys):
+    document = document_of(folder, '--fit-confidence')
+    found, output = document['confidence_fit'], capsys.readouterr().out
+    assert f'1 / (1 + exp({found["slope"]:.3f} c - {found["offset"]:.3f}))' in output and '(Attic)' in output
+    assert set(found['scenes']) == {'Attic', 'Vintage'}
+    # No pixel of Vintage is wrong: only its constants, fitted to Attic alone, have anything to tell.
+    assert found['scenes']['Vintage']['auc'] is None and found['left_out']['auc_worst_scene'] == 'Attic'
+    assert found['left_out']['wrong']['100'] == pytest.approx(100 / 90 / 2)
+    assert document_of(folder)['confidence_fit'] is None
 
 
 def test_grey_takes_the_colour_away(folder, monkeypatch):
@@ -136,7 +167,7 @@ def test_grey_takes_the_colour_away(folder, monkeypatch):
 
     def match(_self, scene, _num_disparities):
         seen.append(scene.left.ndim)
-        return np.full(SIZE, SHIFT, np.float32), np.ones(SIZE, bool)
+        return Answer(np.full(SIZE, SHIFT, np.float32), np.ones(SIZE, bool), None)
 
     monkeypatch.setattr(Contender, '_match', match)
     assert document_of(folder, '--grey')['grey'] is True and document_of(folder)['grey'] is False
@@ -216,6 +247,8 @@ def assert_refused(tmp_path, capsys, words, *arguments):
     (['--scenes', 'Attic', 'Cellar'], "there is no scene 'Cellar'; there are Attic, Vintage"),
     (['--method', 'svdm,sgm'], "method 'sgm' is not allowed: it must be svdm | bm | sgbm-3way | sgbm-hh4 | sgbm-hh"),
     (['--method', ''], "method '' is not allowed"),
+    (['--fit-confidence', '--scenes', 'Attic'], '--fit-confidence needs two scenes or more, to leave one out'),
+    (['--fit-confidence', '--method', 'bm'], '--fit-confidence needs svdm among the methods'),
     (['--metrics', 'bad7'], "metric 'bad7' is not allowed: it must be avgerr | rms"),
     (['--set', 'alpha=-1'], 'alpha = -1.0 is not allowed: it must be a number, 0.0 to 1000.0'),
     (['--set', 'alfa=1'], 'did you mean alpha?'),
@@ -250,7 +283,7 @@ def test_kitti_truth_of_another_kind_is_named(tmp_path, capsys):
 
 
 def test_a_figure_that_is_no_number_ends_the_run(folder, tmp_path, monkeypatch, capsys):
-    nothing = np.full(SIZE, np.nan, np.float32), np.ones(SIZE, bool)
+    nothing = Answer(np.full(SIZE, np.nan, np.float32), np.ones(SIZE, bool), None)
     monkeypatch.setattr(Contender, '_match', lambda *_: nothing)
     assert_refused(tmp_path, capsys, 'svdm on Attic: avgerr_nonocc is nan', '--json', tmp_path / 'a.json')
 

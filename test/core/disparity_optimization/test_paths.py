@@ -71,20 +71,26 @@ def test_winners_are_the_first_smallest_sums_within_the_range(rows, width, count
     lanes, costs, p2 = scene(kind, rows, width, count)
     _, others, _ = scene('random', rows, width + 1, count)
     sums, below = others[:, :-1].copy(), others[:, 1:].copy()
-    barrier = np.where(np.arange(width_of(lanes)) < count, 0, 255).astype(np.uint8)
-    line, winner = empty_line(width, lanes), np.full(width, 99, np.int16)
-    vertex = np.full(width, 99, np.float32)
+    masks = paths.masks_of(count, width_of(lanes))
+    winners = paths.RowWinners(np.full(width, 99, np.int16), *np.full((2, width), 99, np.uint8))
+    unmeasured = winners._replace(disparity=np.full(width, 99, np.int16), margin=np.zeros(0, np.uint8))
+    line, vertex = empty_line(width, lanes), np.full(width, 99, np.float32)
     expected = expected_paths(costs, (1, 0), p2)
     if is_fourth:
         expected = (expected + below + 1) // 2
     expected = np.minimum(expected + sums, 255)
     for y in range(rows):
         more = below[y].reshape(-1) if is_fourth else np.zeros(0, np.uint8)
-        paths.take_winners(costs[y].reshape(-1), (np.uint8(P1), p2[y]), line, sums[y].reshape(-1), more, barrier,
-                           winner, lanes)
+        given = paths.Line(line.costs.copy(), line.low.copy()), sums[y].reshape(-1).copy()
+        paths.take_winners(costs[y].reshape(-1), (np.uint8(P1), p2[y]), line, sums[y].reshape(-1), more, masks,
+                           winners, lanes)
+        paths.take_winners(costs[y].reshape(-1), (np.uint8(P1), p2[y]), *given, more, masks, unmeasured, lanes)
+        winner = winners.disparity
         paths.fill_vertices(sums[y].reshape(-1), winner, count, vertex, lanes)
         np.testing.assert_array_equal(sums[y], expected[y])
         np.testing.assert_array_equal(winner, expected[y, :, :count].argmin(axis=1))
+        np.testing.assert_array_equal(unmeasured.disparity, winner)
+        assert winners.margin.tolist() == [oracles.margin(pixel[:count]) for pixel in expected[y]]
         for x, d in enumerate(winner):
             inside = 0 < d < count - 1
             assert vertex[x] == pytest.approx(

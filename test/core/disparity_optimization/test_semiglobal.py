@@ -7,6 +7,7 @@ from stages import ByteStage, run, task_phase
 
 from svdm_core import MatcherParameters, StereoMatcher
 from svdm_core.cost_aggregation.box import PIXEL_COST
+from svdm_core.disparity_optimization.paths import masks_of
 from svdm_core.disparity_optimization.penalties import Penalties
 from svdm_core.disparity_optimization.semiglobal import StripeWinners, Views, scratch_size, smooth_stripes
 from svdm_core.kernels.stripes import OVERLAP, STRIPE, rows_of, stripe_count
@@ -40,10 +41,11 @@ class Smoothing:
     def found(self, paths, threads=1):
         left, right = self.rows
         lanes = self.stage.lanes
-        barrier = np.where(np.arange(self.stage.width) < self.count, 0, 255).astype(np.uint8)
         winners = StripeWinners(np.zeros((left.height, left.width), np.int16),
                                 np.zeros((right.height, left.width), np.int16),
-                                np.full((left.height, left.width), 9, np.float32), barrier, self.count)
+                                np.full((left.height, left.width), 9, np.float32),
+                                np.full((left.height, left.width), 9, np.uint8),
+                                masks_of(self.count, self.stage.width), self.count)
         table = np.zeros(256, np.uint8)
         penalties = Penalties(*map(np.uint8, P1), table, table, self.across, self.down)
         views = Views(left.height, right.height, left.width, right.every, paths, *self.stored)
@@ -76,6 +78,7 @@ def test_winners_and_vertices_are_those_of_the_summed_paths(shape, count, every,
                 inside = 0 < d < count - 1
                 expected = oracles.symmetric_v(*total[y, x, d - 1:d + 2]) if inside else 0.0
                 assert winners.vertex[y, x] == pytest.approx(expected, abs=1e-6)
+                assert winners.margin[y, x] == oracles.margin(total[y, x, :count])
 
 
 def test_a_colour_image_has_the_boxes_of_its_grey_one():
@@ -102,7 +105,7 @@ def test_without_p2_boxes_win_by_their_sums_however_many_paths_there_are():
     """P2 = 0 makes every path cost the matching cost."""
     left, right = (cv2.GaussianBlur(noise(8, 40, seed=seed), (3, 3), 0) for seed in (0, 1))
     parameters = MatcherParameters(num_disparities=12, aggregation='box', p1=5.0, p2=0.0, subpixel=False, tau_ad=0.0,
-                                   alpha=0.0, w_p=1, final_median=1, tau_lr=1024.0)
+                                   alpha=0.0, w_p=1, final_median=1, tau_lr=1024.0, plane_fit=False)
     stage = ByteStage(left, right, parameters, PIXEL_COST)
     before = stage.planes.before
     none = np.zeros((1, 8, 40))

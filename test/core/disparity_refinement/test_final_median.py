@@ -4,14 +4,17 @@ import pytest
 from stages import run, task_phase
 
 from svdm_core.disparity_refinement.byte_median import STEPS
-from svdm_core.disparity_refinement.final_median import scratch_size, smooth_map, sorting_network
+from svdm_core.disparity_refinement.final_median import SmoothedMap, scratch_size, smooth_map, sorting_network
 from svdm_core.kernels.stripes import block_count
 
 
 def smoothed(fixed, side, min_disparity):
-    disparity = np.full(fixed.shape, 9, np.float32)
-    run(task_phase(block_count(len(fixed)), smooth_map, fixed, side, min_disparity, disparity,
-                   scratch=scratch_size(fixed.shape[1])))
+    """The map in px; and the same in 1 / STEPS px, which must agree."""
+    disparity, medians = np.full(fixed.shape, 9, np.float32), np.full(fixed.shape, 9, np.uint16)
+    for to in (SmoothedMap(medians, disparity[:0, :0]), SmoothedMap(medians[:0, :0], disparity)):
+        run(task_phase(block_count(len(fixed)), smooth_map, fixed, side, min_disparity, to,
+                       scratch=scratch_size(fixed.shape[1])))
+    np.testing.assert_array_equal(medians / np.float32(STEPS) + min_disparity, disparity)
     return disparity
 
 

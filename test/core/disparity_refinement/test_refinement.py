@@ -10,16 +10,16 @@ from svdm_core.disparity_refinement.refinement import Refinement
 from svdm_core.phases import Crew, StageClock
 
 PARAMETERS = MatcherParameters(min_disparity=-3, num_disparities=8, w_p=5, sigma_s=2.0, sigma_c=0.3, final_median=1,
-                               tau_lr=2.0, intensity_range='full')
+                               tau_lr=2.0, intensity_range='full', uniqueness=0.0, filling='scanline', plane_fit=False)
 
 
 def refined(image, left, right, vertex, parameters):
     """(disparity, valid); right: in the direction of the image."""
     crew = Crew()
     crew.gather(1)
-    winners = Winners(left, np.ascontiguousarray(right[:, ::-1]), 1, vertex)
+    winners = Winners(left, np.ascontiguousarray(right[:, ::-1]), 1, vertex, np.zeros((0, 0), np.uint8))
     pair = stages.images(image, image, parameters)
-    return Refinement(image.shape, parameters).run(winners, pair, parameters, crew, StageClock())
+    return Refinement(image.shape, parameters).run(winners, pair, parameters, crew, StageClock())[:2]
 
 
 @pytest.mark.parametrize('scope', ['filled', 'all'])

@@ -50,8 +50,14 @@ def test_the_page_holds_everything_itself(tmp_path):
     text = path.read_text()
     page = _Page(text)
     assert 'http:' not in text and 'https:' not in text and '@import' not in text and 'url(' not in text
-    assert len(page.addresses) == 2 * 6  # left image, truth, and of both methods disparity and error
-    for address in page.addresses:
+    curves = [address for address in page.addresses if address.startswith('data:image/png;base64,')]
+    assert len(curves) == 2  # a region each
+    for address in curves:
+        plot = cv2.imdecode(np.frombuffer(base64.b64decode(address.partition(',')[2]), np.uint8), 1)
+        assert plot.shape[1] == 1200 and plot.std() > 10
+    pictures = [address for address in page.addresses if address not in curves]
+    assert len(pictures) == 2 * 6  # left image, truth, and of both methods disparity and error
+    for address in pictures:
         kind, _, data = address.partition(',')
         assert kind == 'data:image/jpeg;base64'
         assert cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), 1).shape == (*SIZE, 3)
@@ -63,6 +69,9 @@ def test_the_page_holds_everything_itself(tmp_path):
     assert scenes['A & <b>'][::3] == ['0.10', '0.13']
     assert page.best(0)[0] == '0.10' and '3.38' not in page.best(0)
     assert [row[0] for row in page.tables[1] if row] == ['svdm', 'sgbm-hh']
+    svdm, sgbm = (row for row in page.tables[3] if row)  # kept, wrong, surest 100, 80 and 50 %, area, AUC; twice
+    assert len(svdm) == len(sgbm) == 1 + 7 + 7 + 1 and '-' in sgbm
+    assert svdm[3] == '0.6' and sgbm[3:8] == ['-'] * 5 and sgbm[-1] == '-' != svdm[-1]  # 1 of 84 columns, and none
 
 
 def test_the_page_of_one_method_on_kitti_has_no_paper(tmp_path):

@@ -142,6 +142,9 @@ def conversions(x, y, z, small, large, lanes):
     wide.store_wide(pointer(large[0]), 0, wide.widen(a))
     wide.store_wide(pointer(large[1]), 0, wide.absolute_difference(c, d))
     wide.store_wide(pointer(large[2]), 0, wide.where_less(c, d, b))
+    wide.store_wide(pointer(large[3]), 0, wide.subtract_signed(c, d))
+    wide.store_wide(pointer(large[4]), 0, wide.shift_right_signed(wide.as_signed(b), 3))
+    wide.store_wide(pointer(large[5]), 0, wide.magnitude(c))
     wide.store_wide(pointer(small[16]), 0, wide.narrow_wide(wide.shift_right(b, 8)))
     wide.store_wide(pointer(small[17]), 0, wide.where_less(b, wide.widen(a), a))
     nibbles = wide.shift_right(a, 4)
@@ -155,11 +158,14 @@ def test_lanes_become_wider_and_narrower_and_signed_ones_differences(lanes):
     y[::2] //= 256
     z = np.array([values(np.int16, lanes, 6), values(np.int16, lanes, 7)])
     z[:, 1] = -2**15, 2**15 - 1
-    small, large = np.zeros((18, lanes), np.uint8), np.zeros((3, lanes), np.uint16)
+    small, large = np.zeros((18, lanes), np.uint8), np.zeros((6, lanes), np.uint16)
     conversions(x, y, z, small, large, lanes_of(lanes))
     np.testing.assert_array_equal(large[0], x)
     np.testing.assert_array_equal(large[1], np.abs(z[0].astype(int) - z[1]))
     np.testing.assert_array_equal(large[2], np.where(z[0] < z[1], y, 0))
+    np.testing.assert_array_equal(large[3].view(np.int16), (z[0].astype(int) - z[1]).clip(-2**15, 2**15 - 1))
+    np.testing.assert_array_equal(large[4].view(np.int16), y.view(np.int16) >> 3)
+    np.testing.assert_array_equal(large[5], np.abs(z[0].astype(int)))
     np.testing.assert_array_equal(small[16], y >> 8)
     np.testing.assert_array_equal(small[17], np.where(y < x, x, 0))
     for own in range(16):

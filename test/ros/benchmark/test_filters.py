@@ -26,6 +26,8 @@ def test_the_tables_tell_of_the_scenes_and_of_the_sequence(tmp_path, capsys):
     text = capsys.readouterr().out
     kept = rows(text, 'kept')
     assert kept['none',][0] == 100 and all(values[0] <= 100 for values in kept.values())
+    of_threshold = [kept[f'`confidence_threshold: {least}`',][0] for least in (0.1, 0.2, 0.3, 0.5)]
+    assert of_threshold == sorted(of_threshold, reverse=True) and of_threshold[-1] < of_threshold[0]
     assert 1 < kept['none',][2] < 3  # one column of 84 is off by 20 px
     assert len(rows(text, 'right image')) == 4 and len(rows(text, 'ms at')) == 4
     standing, street = rows(text, 'stands'), rows(text, 'street')

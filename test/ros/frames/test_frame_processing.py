@@ -1,7 +1,12 @@
 """From a pair of image messages to one disparity message."""
+import os
 import sys
+from pathlib import Path
 
+import cv2
 import numpy as np
+import pytest
+from node_bench import camera_info
 from scenes import shifted_wall
 from sensor_msgs.msg import Image
 
@@ -38,3 +43,27 @@ def test_a_negative_range_goes_through_and_what_is_compiled_is_told_once(monkeyp
     inside = disparity[4:-4, 4:-9]
     assert np.abs(inside[inside != -13.5] + 5).max() <= 0.5 and (inside != -13.5).mean() > 0.95
     assert set(disparity[disparity < -12]) <= {np.float32(-13.5)}
+
+
+# The real sequence
+
+
+def test_the_sky_of_the_real_sequence_has_a_disparity_and_no_depth():
+    folder = Path(os.environ.get('SVDM_DATA', 'unset')) / 'kitti_odometry_seq1'
+    if not folder.is_dir():
+        pytest.skip('SVDM_DATA names no folder with kitti_odometry_seq1')
+    left, right = (cv2.imread(str(folder / side / '000025.png'), cv2.IMREAD_GRAYSCALE) for side in ('left', 'right'))
+    infos = [camera_info(side, left.shape[1], left.shape[0]) for side in ('left', 'right')]
+    parameters = NodeParameters().replace({'downscale': 2, 'num_disparities': 64})
+    sky, road = np.s_[:50, 260:330], np.s_[-40:, 250:400]
+
+    def shares(**values):
+        """Of the sky, and of the road, that has a depth."""
+        frame = StereoFrame(mono(left), mono(right), *infos, 0.0)
+        found = FrameProcessor().process(frame, parameters.replace(values)).frame
+        assert found.known.all()
+        return [np.isfinite(found.depth[part]).mean() for part in (sky, road)]
+
+    of_sky, of_road = shares()
+    assert of_sky < 0.15 and of_road > 0.98
+    assert min(shares(confidence_threshold=0.0)) > 0.98

@@ -12,7 +12,6 @@ from std_msgs.msg import Header
 from svdm_core import DisparityResult, MatcherParameters
 from svdm_ros.calibration.geometry import StereoGeometry
 from svdm_ros.frames import messages
-from svdm_ros.frames.filtering import known_pixels
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.node.parameter_set import NodeParameters
 
@@ -23,13 +22,14 @@ PARAMETERS = MatcherParameters(min_disparity=4, num_disparities=16, subpixel=Fal
 
 def result_of(disparity, valid=None, step=1.0):
     disparity = np.asarray(disparity, np.float32)
-    return DisparityResult(disparity, np.ones(disparity.shape, bool) if valid is None else np.asarray(valid), {}, step)
+    valid = np.ones(disparity.shape, bool) if valid is None else np.asarray(valid)
+    return DisparityResult(disparity, valid, valid.astype(np.float32), {}, step)
 
 
 def disparity_image(result, geometry, matcher, header, publish_filled=True):
     parameters = NodeParameters(matcher, publish_filled=publish_filled)
     frame = MatchedFrame(header, np.zeros(result.disparity.shape, np.uint8), result.disparity, result.valid,
-                         known_pixels(result, geometry, parameters), result.step, geometry, parameters)
+                         result.confidence, result.step, geometry, parameters)
     return messages.disparity_image(frame, messages.rclpy_types())
 
 
@@ -55,7 +55,7 @@ def test_every_field():
     assert window.do_rectify is False
 
 
-def test_unchecked_pixels_are_invalid_unless_filled_ones_are_published():
+def test_pixels_not_measured_are_invalid_unless_filled_ones_are_published():
     result = result_of([[8, 9], [10, 11]], [[True, False], [False, True]])
     np.testing.assert_array_equal(
         pixels(disparity_image(result, GEOMETRY, PARAMETERS, HEADER, publish_filled=True)), [[4.5, 5.5], [6.5, 7.5]])

@@ -1,5 +1,6 @@
 """All outputs of a matched pair agree with each other, and with the geometry, at any scale and in any part."""
 import array
+import dataclasses
 
 import cv2
 import numpy as np
@@ -10,9 +11,9 @@ from node_bench import camera_info, image_message
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
-from svdm_core import DisparityResult, MatcherParameters
+from svdm_core import MatcherParameters
 from svdm_ros.calibration.geometry import StereoGeometry
-from svdm_ros.frames.filtering import known_pixels, speckles
+from svdm_ros.frames.filtering import speckles
 from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.frames.matched_frame import MatchedFrame
 from svdm_ros.frames.messages import rclpy_types
@@ -25,14 +26,14 @@ GEOMETRY = StereoGeometry(500.0, 0.25, 3.5, '', 505.0, 30.25, 20.5)
 WIDTH, HEIGHT, SHIFT = 96, 64, 12
 
 
-def frame_of(disparity, valid=None, left=None, geometry=GEOMETRY, **own):
+def frame_of(disparity, valid=None, left=None, geometry=GEOMETRY, confidence=None, **own):
     parameters = NodeParameters(MatcherParameters(min_disparity=-4, num_disparities=40), **own)
     disparity = np.asarray(disparity, np.float32)
     valid = np.ones(disparity.shape, bool) if valid is None else np.asarray(valid)
-    result = DisparityResult(disparity, valid, {}, 1 / 64)
+    confidence = np.float32(valid) if confidence is None else np.asarray(confidence, np.float32)
     return MatchedFrame(
         Header(frame_id='left'), np.zeros(disparity.shape, np.uint8) if left is None else left, disparity, valid,
-        known_pixels(result, geometry, parameters), 1 / 64, geometry, parameters)
+        confidence, 1 / 64, geometry, parameters)
 
 
 def made(frame, topic):
@@ -55,12 +56,28 @@ def points(message):
     return np.frombuffer(message.data, np.float32).reshape(message.height, message.width, 4)
 
 
+def naive_masks(frame):
+    """What the message has a disparity for, and what has a depth; without speckles."""
+    known, trusted = np.zeros((2, *frame.disparity.shape), bool)
+    parameters, distance = frame.parameters, frame.geometry.focal_length * frame.geometry.baseline
+    for y, x in np.ndindex(*known.shape):
+        d = float(frame.disparity[y, x]) - frame.geometry.principal_offset
+        depth = np.inf if d <= 0 else distance / d
+        near_enough = not parameters.max_depth or depth <= parameters.max_depth
+        inside = near_enough and (depth >= parameters.min_depth or not distance)
+        confident = frame.confidence[y, x] >= np.float32(parameters.confidence_threshold)
+        trusted[y, x] = inside and confident and (parameters.publish_filled or frame.valid[y, x])
+        known[y, x] = inside if parameters.publish_filled else trusted[y, x]
+    return known, trusted
+
+
 def naive_depth(frame):
     depth = np.full(frame.disparity.shape, np.nan)
     geometry = frame.geometry
+    trusted = naive_masks(frame)[1]
     for y, x in np.ndindex(*depth.shape):
         d = float(frame.disparity[y, x]) - geometry.principal_offset
-        if frame.known[y, x] and d > 0 and geometry.focal_length * geometry.baseline > 0:
+        if trusted[y, x] and d > 0 and geometry.focal_length * geometry.baseline > 0:
             depth[y, x] = geometry.focal_length * geometry.baseline / d
     return depth
 
@@ -68,9 +85,9 @@ def naive_depth(frame):
 FRAMES = st.builds(
     lambda seed, filled, **own: frame_of(
         np.random.default_rng(seed).uniform(-4, 35, (7, 9)), np.random.default_rng(seed + 1).random((7, 9)) > 0.3,
-        publish_filled=filled, **own),
+        confidence=np.random.default_rng(seed + 2).random((7, 9)), publish_filled=filled, **own),
     st.integers(0, 10**6), st.booleans(), max_depth=st.sampled_from([0.0, 8.0]),
-    min_depth=st.sampled_from([0.0, 5.0]), confidence_threshold=st.sampled_from([0.0, 0.5]),
+    min_depth=st.sampled_from([0.0, 5.0]), confidence_threshold=st.sampled_from([0.0, 0.2, 0.5]),
     point_stride=st.integers(1, 4))
 
 
@@ -82,8 +99,9 @@ def test_disparity_depth_and_points_agree(frame):
     message = made(frame, 'disparity')
     disparity = pixels(message.image)
     known = disparity >= message.min_disparity
-    np.testing.assert_array_equal(known, frame.known)
-    ahead = known & (disparity > 0)
+    np.testing.assert_array_equal(known, naive_masks(frame)[0])
+    ahead = np.isfinite(depth)
+    assert known[ahead].all()
     np.testing.assert_allclose(message.f * message.t / disparity[ahead], depth[ahead], rtol=1e-5)
     cloud = points(made(frame, 'points2'))
     geometry = frame.geometry
@@ -96,8 +114,6 @@ def test_disparity_depth_and_points_agree(frame):
         assert (finite <= 8.0 + 1e-4).all()
     if frame.parameters.min_depth:
         assert (finite >= 5.0 - 1e-4).all()
-    if frame.parameters.confidence_threshold or not frame.parameters.publish_filled:
-        assert not frame.known[~frame.checked].any()
 
 
 def test_depth_in_mm_is_0_where_it_is_unknown_or_does_not_fit():
@@ -157,9 +173,53 @@ def test_the_preview_goes_from_blue_to_red_over_the_search_range_and_is_black_wh
     assert np.abs(decoded.astype(int) - picture).mean() < 6
 
 
-def test_confidence_is_that_of_the_left_right_check():
-    valid = [[True, False], [False, True]]
-    assert pixels(made(frame_of([[5, 6], [7, 8]], valid), 'confidence')).tolist() == [[1, 0], [0, 1]]
+def test_confidence_is_that_of_the_matcher_whatever_the_filters_leave():
+    frame = frame_of([[5, 6], [7, 8]], np.zeros((2, 2), bool), confidence=[[0, 0.25], [0.5, 1]], publish_filled=False,
+                     confidence_threshold=0.75, max_depth=1.0)
+    assert pixels(made(frame, 'confidence')).tolist() == [[0, 0.25], [0.5, 1]]
+
+
+@pytest.mark.parametrize(('own', 'disparities', 'depths'), [
+    ({}, [1, 1, 1, 1], [0, 1, 0, 1]),
+    ({'confidence_threshold': 0.0}, [1, 1, 1, 1], [1, 1, 1, 1]),
+    ({'confidence_threshold': 0.5}, [1, 1, 1, 1], [0, 0, 0, 1]),
+    ({'publish_filled': False}, [0, 1, 0, 0], [0, 1, 0, 0]),
+    ({'publish_filled': False, 'confidence_threshold': 0.0}, [1, 1, 0, 0], [1, 1, 0, 0]),
+    ({'publish_filled': False, 'confidence_threshold': 0.5}, [0, 0, 0, 0], [0, 0, 0, 0])])
+@pytest.mark.parametrize('encoding', ['32FC1', '16UC1'])
+def test_the_threshold_is_for_depth_points_and_preview_and_publish_filled_for_the_disparity(
+        own, disparities, depths, encoding):
+    """Pixels: measured and not, of confidence 0.19 and 0.2 (as float32) and more."""
+    frame = frame_of([[20, 20, 20, 20]], [[True, True, False, False]], confidence=[[0.19, 0.2, 0.19, 0.9]],
+                     depth_encoding=encoding, **own)
+    message = made(frame, 'disparity')
+    assert (pixels(message.image) >= message.min_disparity).tolist() == [list(map(bool, disparities))]
+    depth = pixels(made(frame, 'depth/image_rect'))[0]
+    assert (depth > 0).tolist() == list(map(bool, depths))
+    assert all(np.isnan(depth[~(depth > 0)])) if encoding == '32FC1' else not depth[~(depth > 0)].any()
+    assert np.isfinite(points(made(frame, 'points2'))[0, :, 2]).tolist() == list(map(bool, depths))
+    assert pixels(made(frame, 'disparity/preview'))[0].any(axis=-1).tolist() == list(map(bool, depths))
+
+
+def test_speckles_are_searched_among_what_the_threshold_leaves():
+    """Nine pixels alike, of which the threshold leaves two and four that do not touch."""
+    frame = frame_of([[20] * 9], confidence=[[1, 1, 0, 0, 0, 1, 1, 1, 1]], speckle_size=3)
+    assert np.isfinite(frame.depth).tolist() == [[False] * 5 + [True] * 4]
+    assert (frame.published > 0).all()
+
+
+def test_nothing_is_made_for_an_output_that_nobody_listens_to():
+    """The masks with the search for speckles, which takes longest, above all."""
+    made_for = {}
+    for topic in ('disparity', 'depth/image_rect', 'points2', 'confidence', 'disparity/preview'):
+        frame = frame_of([[5, 6]], max_depth=100.0, speckle_size=1)
+        fields = set(vars(frame))
+        made(frame, topic)
+        made_for[topic] = set(vars(frame)) - fields
+    of_depth = {'trusted', 'candidates', 'confident', 'shifted', 'depth'}
+    assert made_for == {
+        'disparity': {'known', 'candidates', 'shifted', 'published'}, 'depth/image_rect': of_depth, 'points2': of_depth,
+        'confidence': set(), 'disparity/preview': of_depth - {'depth'} | {'picture'}}
 
 
 @pytest.mark.parametrize('output', OUTPUTS, ids=lambda output: output.topic)
@@ -287,11 +347,15 @@ def test_a_tiny_min_depth_is_told_in_a_short_line(min_depth):
     assert parameters.matcher.num_disparities == 1024 and 'set downscale' in problem and len(problem) < 300
 
 
-def test_the_window_of_what_a_threshold_leaves_is_that_of_the_checked_pixels():
-    parameters = {'confidence_threshold': 0.5}
-    frame = frame_of(np.full((4, 60), 9.0), **parameters)
-    assert made(frame, 'disparity').valid_window.width == made(
-        frame_of(np.full((4, 60), 9.0), publish_filled=False), 'disparity').valid_window.width
+def test_a_threshold_alone_does_not_narrow_the_window_of_the_disparity():
+    def window(**own):
+        frame = frame_of(np.full((4, 60), 9.0), **own)
+        frame = dataclasses.replace(frame, parameters=frame.parameters.replace({'min_disparity': 5}))
+        found = made(frame, 'disparity').valid_window
+        return found.x_offset, found.width
+
+    assert window(confidence_threshold=0.5) == (0, 60)
+    assert window(publish_filled=False) == (5, 55)
 
 
 @pytest.mark.parametrize('roi', [[8, 4, 40, 30], (8, 4, 40, 30), array.array('q', [8, 4, 40, 30]), '8 4 40 30'])
@@ -307,5 +371,57 @@ def test_another_list_is_refused(roi):
 
 def test_where_nothing_is_left_it_is_told():
     done = processed(max_depth=0.5)
-    assert not done.frame.known.any()
+    assert not done.frame.known.any() and not done.frame.trusted.any()
     assert 'no disparity is left in the whole image: look at max_depth, num_disparities' in done.problem
+
+
+def grey_pair(**values):
+    """Images without any texture."""
+    left, right = (image_message(np.full((HEIGHT, WIDTH), 90, np.uint8)) for _ in range(2))
+    infos = camera_info('left', WIDTH, HEIGHT), camera_info('right', WIDTH, HEIGHT)
+    return FrameProcessor().process(
+        StereoFrame(left, right, *infos, 0.0), NodeParameters().replace({'num_disparities': 16, **values}))
+
+
+def test_images_without_texture_have_a_disparity_and_no_depth():
+    frame = grey_pair().frame
+    assert frame.known.all() and not frame.trusted.any()
+    assert grey_pair(confidence_threshold=0.0).frame.trusted.all()
+
+
+def test_a_threshold_that_leaves_no_depth_of_a_good_match_is_told():
+    told = 'no pixel of the whole image reaches confidence_threshold = 1, so that none has a depth: lower it'
+    assert told in processed(confidence_threshold=1.0).problem
+    assert processed(confidence_threshold=0.5).problem == grey_pair(confidence_threshold=1.0).problem == ''
+
+
+@pytest.mark.parametrize('values', [
+    {}, {'roi': '20 4 64 56'}, {'downscale': 2}, {'temporal_filter': 0.5, 'roi': '20 4 64 56', 'downscale': 2}])
+def test_the_confidence_has_the_size_of_the_disparity(values):
+    frame = processed(**values).frame
+    confidence = pixels(made(frame, 'confidence'))
+    assert confidence.shape == frame.disparity.shape == pixels(made(frame, 'disparity').image).shape
+    assert 0 <= confidence.min() < 0.2 < np.median(confidence) <= confidence.max() <= 1
+
+
+@pytest.mark.parametrize('filled', [True, False])
+def test_what_is_averaged_over_time_does_not_depend_on_the_threshold(filled):
+    """All that the message may have: with publish_filled the filled-in disparities too."""
+    infos = camera_info('left', WIDTH, HEIGHT), camera_info('right', WIDTH, HEIGHT)
+    random = np.random.default_rng(8)
+    grey = [[np.frombuffer(image.data, np.uint8).reshape(HEIGHT, WIDTH) for image in wall()] for _ in range(2)]
+    pairs = [[image_message(np.uint8(np.clip(view + random.normal(0, 9, view.shape), 0, 255))) for view in views]
+             for views in grey]
+
+    def last(**values):
+        processor = FrameProcessor()
+        parameters = NodeParameters().replace({'num_disparities': 16, 'publish_filled': filled, **values})
+        for number, pair in enumerate(pairs):
+            frame = processor.process(StereoFrame(*pair, *infos, 0.1 * number), parameters).frame
+        return frame
+
+    plain, smooth = last(), last(temporal_filter=0.5)
+    np.testing.assert_array_equal(smooth.disparity, last(temporal_filter=0.5, confidence_threshold=0.9).disparity)
+    np.testing.assert_array_equal(smooth.confidence, plain.confidence)
+    changed = smooth.disparity != plain.disparity
+    assert changed[smooth.valid].any() and changed[~smooth.valid].any() is np.bool_(filled)

@@ -53,7 +53,7 @@ def dots(**fields):
 
 
 def test_every_field_of_the_disparity_image(client):
-    assert client.set_atomically(min_disparity=2, num_disparities=16, subpixel=False).successful
+    assert client.set_atomically(min_disparity=2, num_disparities=16, subpixel=False, plane_fit=False).successful
     message = client.exchange(*dots())
     stamp = message.header.stamp
     assert (message.header.frame_id, stamp.nanosec) == ('left_camera', 5000)
@@ -83,7 +83,7 @@ def test_a_search_that_begins_nearer_than_infinity_is_told_once_and_not_as_a_war
     assert all('[INFO]' in line and 'set min_disparity to 2' in line for line in lines)
 
 
-def test_only_checked_pixels_on_demand(client):
+def test_only_measured_pixels_on_demand(client):
     assert client.set_atomically(publish_filled=False, min_disparity=3, subpixel=False).successful
     message = client.exchange(*dots())
     disparity = disparities(message)
@@ -96,7 +96,7 @@ def test_only_checked_pixels_on_demand(client):
 
 def test_a_parameter_change_takes_effect_on_the_next_frame(client):
     for count, subpixel in ((32, False), (8, True)):
-        results = client.set_parameters(num_disparities=count, subpixel=subpixel)
+        results = client.set_parameters(num_disparities=count, subpixel=subpixel, plane_fit=False)
         assert all(result.successful for result in results.values())
         message = client.exchange(*dots())
         assert message.max_disparity - message.min_disparity == count
@@ -219,6 +219,7 @@ def test_pairs_that_do_not_match_are_told_once_and_when_they_do_again(node, clie
     for _ in range(2):
         client.wait_for_trouble('of the pixels pass the left-right check', each=lambda: client.exchange(right, left))
     assert float(client.diagnostics[-1]['left-right check passed (%)']) < 40
+    assert float(client.diagnostics[-1]['confidence above confidence_threshold (%)']) < 10
     client.spin_until(lambda: 'most pixels pass the left-right check again' in node.log, 'the end of it',
                       each=lambda: client.exchange(left, right))
     assert node.log.count('of the pixels pass the left-right check') == 1

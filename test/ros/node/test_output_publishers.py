@@ -53,12 +53,17 @@ def test_all_outputs_of_a_pair_have_its_header_and_agree(running):
         assert {message.header.frame_id for message in of.values()} == {'left_camera'}
         disparity = np.frombuffer(of['disparity'].image.data, np.float32)
         depth = np.frombuffer(of['depth/image_rect'].data, np.float32)
-        ahead = disparity > 0
+        confidence = np.frombuffer(of['confidence'].data, np.float32)
+        assert len(set(confidence)) > 100 and confidence.min() >= 0 and confidence.max() <= 1
+        confident = confidence >= np.float32(NodeParameters().confidence_threshold)
+        assert (disparity >= of['disparity'].min_disparity).all() and not confident.all()
+        ahead = confident & (disparity > 0)
         np.testing.assert_allclose(depth[ahead], of['disparity'].f * of['disparity'].t / disparity[ahead], rtol=1e-6)
         assert np.isnan(depth[~ahead]).all() and ahead.mean() > 0.9
         cloud = np.frombuffer(of['points2'].data, np.float32).reshape(-1, 4)
         np.testing.assert_array_equal(cloud[:, 2], depth)
-        assert set(np.frombuffer(of['confidence'].data, np.float32)) == {0, 1}
+        preview = np.frombuffer(of['disparity/preview'].data, np.uint8).reshape(-1, 3)
+        np.testing.assert_array_equal(preview.any(axis=1), confident)
     finally:
         for output in OUTPUTS[1:]:
             client.unsubscribe(output.topic)

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from svdm_ros.node.diagnostics import diagnostic_array
-from svdm_ros.node.frame_statistics import FrameStatistics, Rate
+from svdm_ros.node.frame_statistics import FrameStatistics, PixelShares, Rate
 from svdm_ros.node.worker import Worker
 
 LIMIT = 10.0
@@ -108,7 +108,7 @@ def test_the_counts_add_up():
     statistics.count_drop('superseded')
     statistics.set_dropped('unpaired left', 1)
     statistics.set_dropped('unpaired right', 0)
-    statistics.count_published(0.025, {'total': 20.0}, 0.8)
+    statistics.count_published(0.025, {'total': 20.0}, PixelShares(0.8, 0.9))
     statistics.count_defect()
     counts = statistics.snapshot()
     assert counts.received == {'left': 2, 'right': 1}
@@ -125,7 +125,8 @@ def test_the_rate_is_over_the_time_between_two_looks():
 def test_diagnostics_tell_counts_rate_latency_and_trouble():
     statistics = FrameStatistics()
     for milliseconds in range(1, 101):
-        statistics.count_published(milliseconds / 1e3, {'total': 20.04}, 0.8)
+        shares = PixelShares(0.8, 0.9 if milliseconds > 70 else 0.1)
+        statistics.count_published(milliseconds / 1e3, {'total': 20.04}, shares)
     statistics.count_drop('unreadable')
     counts, stamp = statistics.snapshot(), Time(sec=3)
     message = diagnostic_array('/node', stamp, counts, 9.5, ready=True, more={'features': '45'})
@@ -136,6 +137,7 @@ def test_diagnostics_tell_counts_rate_latency_and_trouble():
     assert (values['state'], values['features']) == ('ready', '45')
     assert (values['published'], values['dropped: unreadable'], values['total (ms)']) == ('100', '1', '20.0')
     assert (values['latency p50 (ms)'], values['latency p95 (ms)']) == ('51.0', '96.0')
+    assert (values['left-right check passed (%)'], values['confidence above confidence_threshold (%)']) == ('80', '90')
     troubled = diagnostic_array('/node', stamp, counts, 0.0, ready=True, trouble='no images').status[0]
     assert (troubled.level, troubled.message) == (DiagnosticStatus.WARN, 'no images')
     (compiling,) = diagnostic_array('/node', stamp, counts, 0.0, ready=False, trouble='no images').status

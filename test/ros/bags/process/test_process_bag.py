@@ -232,7 +232,7 @@ def test_the_error_against_ground_truth_is_told(run, tmp_path):
 
 @pytest.mark.parametrize('kind', ['mp4', 'png'])
 def test_a_preview_shows_every_disparity(bag, run, tmp_path, kind):
-    run(bag, '--preview', kind, '--outputs', 'disparity,preview')
+    run(bag, '--preview', kind, '--outputs', 'disparity,preview', '--set', 'publish_filled=false')
     live = [message.data.reshape(60, 90, 3) for _, message in messages_of(tmp_path / 'out', '/disparity/preview')]
     assert len(live) == 5 and all(frame.std() > 20 for frame in live)
     if kind == 'mp4':
@@ -244,6 +244,19 @@ def test_a_preview_shows_every_disparity(bag, run, tmp_path, kind):
         names = sorted((tmp_path / 'out' / 'preview').iterdir())
         assert [name.stem for name in names] == [str(stamp(index)) for index in range(5)]
         np.testing.assert_array_equal([cv2.imread(str(name)) for name in names], live)
+
+
+def test_a_preview_shows_what_is_in_the_bag_and_the_topic_what_has_a_depth(bag, run, tmp_path):
+    run(bag, '--preview', 'png', '--outputs', 'disparity,preview,depth,confidence')
+    of = {topic: np.array([message.data for _, message in messages_of(tmp_path / 'out', topic)])
+          for topic in ('/disparity/preview', '/depth/image_rect', '/confidence')}
+    confident = of['/confidence'].view(np.float32) >= np.float32(0.2)
+    assert 0.5 < confident.mean() < 1
+    assert not np.isfinite(of['/depth/image_rect'].view(np.float32)[~confident]).any()
+    pictures = np.array([cv2.imread(str(name)).reshape(-1, 3)
+                         for name in sorted((tmp_path / 'out' / 'preview').iterdir())])
+    assert pictures.any(axis=-1).all()
+    np.testing.assert_array_equal(of['/disparity/preview'].reshape(pictures.shape), pictures * confident[..., None])
 
 
 def blurred(frames):
