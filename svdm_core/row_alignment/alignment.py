@@ -73,6 +73,13 @@ class RowAlignment:
         columns, rows = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(terms(columns, rows, (self.height, self.width)) @ np.array(self.coefficients))
 
+    def places(self) -> dict[str, float]:
+        """dy, px, at the centre and in the four corners of the image."""
+        right, bottom = self.width - 1, self.height - 1
+        where = {'centre': (right / 2, bottom / 2), 'top left': (0, 0), 'top right': (right, 0),
+                 'bottom left': (0, bottom), 'bottom right': (right, bottom)}
+        return {name: float(self.offsets(x, y)) for name, (x, y) in where.items()}
+
     def apply(self, right: Image) -> Image:
         """The right image with its rows as the left one's: R'(x, y) = R(x, y + dy), cubic, beyond the border as at it.
 
