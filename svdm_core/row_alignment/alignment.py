@@ -80,6 +80,12 @@ class RowAlignment:
                  'bottom left': (0, bottom), 'bottom right': (right, bottom)}
         return {name: float(self.offsets(x, y)) for name, (x, y) in where.items()}
 
+    def line(self) -> str:
+        """What there is to be told of it, in one line."""
+        offsets = ', '.join(f'{place} {dy:+.2f}' for place, dy in self.places().items())
+        return (f'offsets of the right image in px: {offsets}; of {self.points} points the rms goes from '
+                f'{self.residual_before:.2f} to {self.residual_after:.2f} px')
+
     def apply(self, right: Image) -> Image:
         """The right image with its rows as the left one's: R'(x, y) = R(x, y + dy), cubic, beyond the border as at it.
 

@@ -136,18 +136,11 @@ class RowWatch:
         rows.apply(right)  # the first time makes the map, which no frame is to wait for
         watched.rows = None if rows.is_identity else rows
         if watched is self._watched:
-            self._log.say(Line('rows aligned', _told(rows)))
+            self._log.say(Line('rows aligned', 'rows correspond: they are aligned no longer' if rows.is_identity else
+                                               f'rows aligned, {rows.line()}'))
 
     def _drop(self, _reason: str) -> None:
         self._busy = False
-
-
-def _told(rows: RowAlignment) -> str:
-    if rows.is_identity:
-        return 'rows correspond: the row alignment is not needed any more'
-    offsets = ', '.join(f'{place} {dy:+.2f}' for place, dy in rows.places().items())
-    return (f'rows aligned, offsets of the right image in px: {offsets}; of {rows.points} points the rms goes from '
-            f'{rows.residual_before:.2f} to {rows.residual_after:.2f} px')
 
 
 def _step_back() -> None:

@@ -182,8 +182,9 @@ def test_what_a_look_finds_of_an_earlier_setting_is_lost(bench):
 
 
 @pytest.mark.parametrize('pairs', [
-    [(EVEN[0][0],) * 2], [(EVEN[0][0], EVEN[1][1])], [(OFF[0][0], OFF[0][1][::-1])], [(OFF[0][0] // 64, OFF[0][1] // 64)],
-    [(np.full((HEIGHT, WIDTH), 90, np.uint8),) * 2], [(noise(HEIGHT, WIDTH), noise(HEIGHT, WIDTH, seed=1))],
+    [(EVEN[0][0],) * 2], [(EVEN[0][0], EVEN[1][1])], [(OFF[0][0], OFF[0][1][::-1])],
+    [(OFF[0][0] // 64, OFF[0][1] // 64)], [(np.full((HEIGHT, WIDTH), 90, np.uint8),) * 2],
+    [(noise(HEIGHT, WIDTH), noise(HEIGHT, WIDTH, seed=1))],
     [(OFF[0][0][:30, :40], OFF[0][1][:30, :40])], [(noise(1, 1),) * 2], EVEN,
 ], ids=['identical', 'other scenes', 'flipped', 'dark', 'constant', 'noise', 'few points', '1x1', 'aligned'])
 def test_pairs_that_tell_nothing_change_nothing(bench, pairs):
