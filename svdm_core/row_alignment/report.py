@@ -33,8 +33,8 @@ class Verdict(enum.Enum):
 
 _ADVICE = {
     Verdict.ALIGNED: 'nothing to do',
-    Verdict.SLIGHTLY_OFF: 'align the rows: svdm match --align-rows',
-    Verdict.OFF: 'align the rows (svdm match --align-rows) until the cameras are calibrated anew',
+    Verdict.SLIGHTLY_OFF: 'align the rows: --align-rows of svdm match and process_bag, align_rows of the node',
+    Verdict.OFF: 'align the rows (--align-rows, or align_rows of the node) until the cameras are calibrated anew',
     Verdict.NOT_RECTIFIED: 'rectify the images, or calibrate the cameras anew; check that '
                            'both are of the same moment',
     Verdict.UNKNOWN: 'too few points were found again: take pairs with more texture, or a larger --num-disparities; '

@@ -2,6 +2,7 @@
 import dataclasses
 import itertools
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -90,6 +91,11 @@ def test_a_run_that_was_interrupted_goes_on_with_the_alignment_it_began_with(bag
     process(job(bag, tmp_path / 'out'))
     assert contents(tmp_path / 'out') == contents(tmp_path / 'whole')
     assert summary_of(tmp_path / 'out')['row_alignment'] == summary_of(tmp_path / 'whole')['row_alignment']
+
+
+def test_a_job_is_the_same_in_another_process(bag, tmp_path):
+    given = job(bag, tmp_path / 'out', rows=FIELD)
+    assert pickle.loads(pickle.dumps(given)) == given
 
 
 def test_a_damaged_record_is_refused(bag, tmp_path):
