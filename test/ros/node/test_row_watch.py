@@ -142,6 +142,16 @@ def test_off_aligns_nothing_but_rows_that_do_not_correspond_are_told(bench):
     assert made.watch.values()['row alignment'] == 'off' and made.lines == []
 
 
+def test_what_is_measured_is_what_is_matched(bench):
+    """Shrunk images have smaller offsets."""
+    made = bench('off')
+    made.use(downscale=2)
+    left, right = EVEN[0]
+    for _ in range(12):
+        made.show(left, np.roll(right, 6, axis=0))
+    assert float(made.watch.values()['vertical offset (px)']) == pytest.approx(3, abs=0.1)
+
+
 def test_what_is_aligned_is_told_only_while_it_is(bench):
     made = bench()
     pairs = [pair('leaves', RowAlignment((1.4, 0, 0, 0.3, 0, 0), WIDTH, HEIGHT), seed) for seed in range(3)]
@@ -172,13 +182,15 @@ def test_another_setting_drops_it_at_once(bench, change):
 
 def test_what_a_look_finds_of_an_earlier_setting_is_lost(bench):
     made = bench()
-    for k in range(2):
-        made.show(*OFF[k])
-    prepared = made._preparation.of(made.frame(*OFF[2]), made.parameters)
-    made.watch(prepared)  # being measured while the setting changes
+    first = made._preparation.of(made.frame(*OFF[0]), made.parameters)
     made.use(num_disparities=30)
+    second = made._preparation.of(made.frame(*EVEN[0]), made.parameters)
+    assert made.watch(first) is None  # being measured while the setting changes
+    assert made.watch(second) is None
+    made.wait()
     for k in range(3):
         assert made.show(*EVEN[k]) is None
+    assert made.lines == []
 
 
 @pytest.mark.parametrize('pairs', [
