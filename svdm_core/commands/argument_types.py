@@ -5,6 +5,9 @@ import argparse
 import contextlib
 import math
 from collections.abc import Callable
+from pathlib import Path
+
+from ..shown import cut
 
 MOST_THREADS = 1024  # to think of; no machine need have them
 
@@ -33,6 +36,18 @@ def size(text: str) -> tuple[int, int]:
         return count(width), count(height)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f'{text!r} is not a size: write it as 640x480') from None
+
+
+FROM_THE_PAIRS = Path()
+"""What --align-rows is without a file."""
+
+
+def alignment_file(text: str) -> Path:
+    """The file of --align-rows; a name that is not taken for an image's or a recording's."""
+    if Path(text).suffix not in ('.yaml', '.yml'):
+        raise argparse.ArgumentTypeError(f'{cut(text)} is not allowed: it must be a .yaml file; without one, write '
+                                         '--align-rows last')
+    return Path(text)
 
 
 def positive(text: str) -> float:

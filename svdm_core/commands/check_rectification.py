@@ -3,10 +3,11 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ..evaluation.pair_folders import CameraPairs, find_pairs
+from ..evaluation.pair_folders import PairSource, find_pairs
+from ..evaluation.recordings import is_recording, recorded_pairs
 from ..files.output_files import check_outputs, write_outputs
 from ..missing_modules import not_installed
 from ..parameters import parameter_info
@@ -21,9 +22,14 @@ _WIDTH = 140  # characters, where the output is no terminal
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The pairs, the search range, and what is written."""
-    parser.add_argument('places', type=Path, nargs='+', metavar='FOLDER | LEFT RIGHT',
+    parser.add_argument('places', type=Path, nargs='+', metavar='FOLDER | BAG | LEFT RIGHT',
                         help='a folder with folders left and right (or of KITTI) with the frames of two cameras, a '
-                             'folder of scenes with im0.png and im1.png, or two images')
+                             'folder of scenes with im0.png and im1.png, a recording (of ROS 2 or 1, with svdm_ros), '
+                             'or two images')
+    parser.add_argument('--left', metavar='TOPIC', help='left images of a recording with several pairs')
+    parser.add_argument('--right', metavar='TOPIC', help='right images')
+    parser.add_argument('--calib', type=Path, action='append', metavar='FILE',
+                        help='calibration of a recording, as process_bag takes it')
     parser.add_argument('--min-disparity', type=_min_disparity, default=0, metavar='N', help='px (0)')
     parser.add_argument('--num-disparities', type=disparities, metavar='N',
                         help='searched, px (what calib.txt says, else a fifth of the width)')
@@ -38,12 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check, print a table, write what was asked for; 0. ValueError, OSError or ImportError with one line."""
     _check_files(options)
-    cameras = find_pairs(options.places)
+    cameras = _cameras(options)
     if options.output and len(cameras) > 1:
         raise ValueError(f'{options.output}: {len(cameras)} scenes have cameras of their own: give one of them')
     if options.plot and importlib.util.find_spec('matplotlib') is None:
         raise ImportError(not_installed(['matplotlib']))
     reports = {camera.name: _report(camera, options) for camera in cameras}
+    for note in (note for camera in cameras for note in camera.notes):
+        print(note)
     _print_table(reports)
     contents = {}
     if options.output:
@@ -54,6 +62,15 @@ def run(options: argparse.Namespace) -> int:
         contents[options.plot] = plot_reports(reports)
     write_outputs(contents, options.force)
     return 0
+
+
+def _cameras(options: argparse.Namespace) -> Sequence[PairSource]:
+    place, topics = options.places[0], (options.left, options.right)
+    if len(options.places) == 1 and place.exists() and is_recording(place):
+        return [recorded_pairs(place, topics, options.calib)]
+    if any(topics) or options.calib:
+        raise ValueError(f'{place}: it is no recording, for which --left, --right and --calib are')
+    return find_pairs(options.places)
 
 
 def _min_disparity(text: str) -> int:
@@ -70,7 +87,7 @@ def _check_files(options: argparse.Namespace) -> None:
     check_outputs([path for path in (options.output, options.plot) if path], options.force)
 
 
-def _report(camera: CameraPairs, options: argparse.Namespace) -> RectificationReport:
+def _report(camera: PairSource, options: argparse.Namespace) -> RectificationReport:
     pairs = list(camera.read(options.pairs))
     number = options.num_disparities or camera.num_disparities or max(16, pairs[0][0].shape[1] // 5)
     try:

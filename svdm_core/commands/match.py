@@ -16,10 +16,9 @@ from ..matcher import StereoMatcher
 from ..parameters import MatcherParameters
 from ..row_alignment.alignment import RowAlignment
 from ..row_alignment.estimation import estimate_row_alignment
-from ..shown import cut
+from .argument_types import FROM_THE_PAIRS, alignment_file
 from .options import add_parameter_options, add_threads_option, parameters_of
 
-_FROM_THE_PAIR = Path()
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
 
@@ -29,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('right', type=Path, metavar='RIGHT', help='right image, of the same size and kind')
     add_parameter_options(parser)
     add_threads_option(parser)
-    parser.add_argument('--align-rows', nargs='?', type=_alignment_file, const=_FROM_THE_PAIR, metavar='FILE',
+    parser.add_argument('--align-rows', nargs='?', type=alignment_file, const=FROM_THE_PAIRS, metavar='FILE',
                         help='align the rows of the right image first, by a .yaml of svdm check-rectification; without '
                              'FILE, by what this pair shows')
     parser.add_argument('-o', '--output', type=Path, default=Path('disparity.pfm'), metavar='OUT',
@@ -65,21 +64,13 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _alignment_file(text: str) -> Path:
-    """A name that is not taken for an image's."""
-    if Path(text).suffix not in ('.yaml', '.yml'):
-        raise argparse.ArgumentTypeError(f'{cut(text)} is not allowed: it must be a .yaml file; without one, write '
-                                         '--align-rows behind the images')
-    return Path(text)
-
-
 def _row_alignment(
     source: Path | None, left: Image, right: Image, parameters: MatcherParameters
 ) -> RowAlignment | None:
     """From a file, or of this pair, which is said."""
     if source is None:
         return None
-    if source != _FROM_THE_PAIR:
+    if source != FROM_THE_PAIRS:
         return RowAlignment.load(source)
     if left.shape != right.shape:  # which the matcher refuses
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import cv2
 
@@ -16,6 +17,22 @@ _SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.tif', '.tiff', '.pgm', '.ppm')
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
 
 
+class PairSource(Protocol):
+    """Pairs of the same two cameras. num_disparities: what the source says, px, or None. notes: what should be known of
+    the pairs, after they were read."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def num_disparities(self) -> int | None: ...
+    @property
+    def notes(self) -> Sequence[str]: ...
+
+    def read(self, most: int) -> Iterator[tuple[Image, Image]]:
+        """Up to `most` pairs, evenly over all. ValueError names what cannot be read."""
+        ...
+
+
 @dataclasses.dataclass(frozen=True, slots=True)
 class CameraPairs:
     """files: left and right image of each pair of the same two cameras. num_disparities: what the folder says, px, or
@@ -24,6 +41,7 @@ class CameraPairs:
     name: str
     files: Sequence[tuple[Path, Path]]
     num_disparities: int | None = None
+    notes: Sequence[str] = ()
 
     def read(self, most: int) -> Iterator[tuple[Image, Image]]:
         """Up to `most` pairs, evenly over all. ValueError names a file that cannot be read."""

@@ -73,6 +73,19 @@ class RowAlignment:
         columns, rows = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(terms(columns, rows, (self.height, self.width)) @ np.array(self.coefficients))
 
+    def places(self) -> dict[str, float]:
+        """dy, px, at the centre and in the four corners of the image."""
+        right, bottom = self.width - 1, self.height - 1
+        where = {'centre': (right / 2, bottom / 2), 'top left': (0, 0), 'top right': (right, 0),
+                 'bottom left': (0, bottom), 'bottom right': (right, bottom)}
+        return {name: float(self.offsets(x, y)) for name, (x, y) in where.items()}
+
+    def line(self) -> str:
+        """What there is to be told of it, in one line."""
+        offsets = ', '.join(f'{place} {dy:+.2f}' for place, dy in self.places().items())
+        return (f'offsets of the right image in px: {offsets}; of {self.points} points the rms goes from '
+                f'{self.residual_before:.2f} to {self.residual_after:.2f} px')
+
     def apply(self, right: Image) -> Image:
         """The right image with its rows as the left one's: R'(x, y) = R(x, y + dy), cubic, beyond the border as at it.
 

@@ -18,11 +18,11 @@ _APART = 7
 """px between corners."""
 _PATCH = 5
 """Patches are 11 x 11 px."""
-_ROWS = 8
+ROWS = 8
 """Rows searched up and down: far more than is believed, so that what repeats is seen to."""
 FURTHEST = 2.0
 """px, largest offset that is believed."""
-FURTHEST_SEEN = _ROWS - 1.0
+FURTHEST_SEEN = ROWS - 1.0
 """px, largest offset that can be seen, of pairs that are far from rectified."""
 _ALIKE = 0.9
 """Least correlation of two patches."""
@@ -60,24 +60,27 @@ def grey_of(image: Image) -> Uint8:
 
 
 class _Strip(NamedTuple):
-    """The part of the right image where a patch is searched: rows +-_ROWS, columns from `first` on."""
+    """The part of the right image where a patch is searched: so many rows up and down, columns from `first` on."""
 
     pixels: Uint8
     first: int
+    rows: int
 
 
 def measured(
     left: Uint8, right: Uint8, search: tuple[int, int], most: int = MOST_CORNERS, furthest: float = FURTHEST,
+    rows: int = ROWS,
 ) -> RowPoints:
-    """`measure_rows` of grey images (H, W); search: smallest and largest disparity; furthest: largest offset, px."""
-    if left.shape[0] < 2 * (_PATCH + _ROWS) + 1 or left.shape[1] < 2 * _PATCH + 1:
+    """`measure_rows` of grey images (H, W); search: smallest and largest disparity; furthest: largest offset, px, below
+    `rows`, which are searched up and down."""
+    if left.shape[0] < 2 * (_PATCH + rows) + 1 or left.shape[1] < 2 * _PATCH + 1:
         return NO_POINTS
     corners: NDArray[Any] | None = cv2.goodFeaturesToTrack(left, most, _QUALITY, _apart(left, most))
     if corners is None:
         return NO_POINTS
     found = []
     for x, y in corners.reshape(-1, 2).astype(np.intp).tolist():
-        strip = _strip(right, x, y, search)
+        strip = _strip(right, (x, y), search, rows)
         place = None if strip is None else _found(left[y - _PATCH:y + _PATCH + 1, x - _PATCH:x + _PATCH + 1], strip)
         if place is not None and abs(place[1]) <= furthest:
             found.append((place[0], y, place[1]))
@@ -89,16 +92,17 @@ def _apart(image: Uint8, most: int) -> float:
     return _APART if most >= MOST_CORNERS else max(_APART, math.sqrt(image.size / (4 * most)))
 
 
-def _strip(right: Uint8, x: int, y: int, search: tuple[int, int]) -> _Strip | None:
-    """None for a corner too near to the rim, or with next to nothing to be searched."""
+def _strip(right: Uint8, corner: tuple[int, int], search: tuple[int, int], rows: int) -> _Strip | None:
+    """None for a corner (x, y) too near to the rim, or with next to nothing to be searched."""
+    x, y = corner
     height, width = right.shape
-    if not (_PATCH <= x < width - _PATCH and _PATCH + _ROWS <= y < height - _PATCH - _ROWS):
+    if not (_PATCH <= x < width - _PATCH and _PATCH + rows <= y < height - _PATCH - rows):
         return None
     first, last = max(x - search[1], _PATCH), min(x - search[0], width - 1 - _PATCH)
     if last - first + 1 < min(_COLUMNS, search[1] - search[0] + 1):
         return None
-    reach = _PATCH + _ROWS
-    return _Strip(right[y - reach:y + reach + 1, first - _PATCH:last + _PATCH + 1], first)
+    reach = _PATCH + rows
+    return _Strip(right[y - reach:y + reach + 1, first - _PATCH:last + _PATCH + 1], first, rows)
 
 
 def _found(patch: Uint8, strip: _Strip) -> tuple[int, float] | None:
@@ -108,8 +112,8 @@ def _found(patch: Uint8, strip: _Strip) -> tuple[int, float] | None:
     alike = cv2.matchTemplate(strip.pixels, patch, cv2.TM_CCOEFF_NORMED)
     row, column = divmod(int(alike.argmax()), alike.shape[1])
     best = float(alike[row, column])
-    offset = row - _ROWS
-    if not _ALIKE <= best <= 1.01 or abs(offset) > FURTHEST_SEEN:  # flat places may have any number, NaN too
+    offset = row - strip.rows
+    if not _ALIKE <= best <= 1.01 or abs(offset) == strip.rows:  # flat places may have any number, NaN too
         return None
     # A flat place is like anything.
     if strip.pixels[row:row + 2 * _PATCH + 1, column:column + 2 * _PATCH + 1].std() < _CONTRAST:

@@ -33,8 +33,8 @@ class Verdict(enum.Enum):
 
 _ADVICE = {
     Verdict.ALIGNED: 'nothing to do',
-    Verdict.SLIGHTLY_OFF: 'align the rows: svdm match --align-rows',
-    Verdict.OFF: 'align the rows (svdm match --align-rows) until the cameras are calibrated anew',
+    Verdict.SLIGHTLY_OFF: 'align the rows: --align-rows of svdm match and process_bag, align_rows of the node',
+    Verdict.OFF: 'align the rows (--align-rows, or align_rows of the node) until the cameras are calibrated anew',
     Verdict.NOT_RECTIFIED: 'rectify the images, or calibrate the cameras anew; check that '
                            'both are of the same moment',
     Verdict.UNKNOWN: 'too few points were found again: take pairs with more texture, or a larger --num-disparities; '
@@ -70,10 +70,7 @@ class RectificationReport:
     def places(self) -> dict[str, float]:
         """The offset at the centre and in the four corners of the image, px; 0 without an alignment."""
         height, width = self.shape
-        rows = self.alignment or RowAlignment.identity(width, height)
-        where = {'centre': ((width - 1) / 2, (height - 1) / 2), 'top left': (0, 0), 'top right': (width - 1, 0),
-                 'bottom left': (0, height - 1), 'bottom right': (width - 1, height - 1)}
-        return {name: float(rows.offsets(x, y)) for name, (x, y) in where.items()}
+        return (self.alignment or RowAlignment.identity(width, height)).places()
 
 
 def check_rectification(

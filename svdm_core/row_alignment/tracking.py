@@ -12,7 +12,7 @@ from .fitting import can_tell, fit_rows, is_better, pooled
 from .measurement import grey_of
 
 _CORNERS = 200
-_LOOKS = 12
+LOOKS = 12
 """What was measured more looks ago counts no more."""
 _CHANGE = 0.03
 """px, root mean square over the image, of a change that is worth making."""
@@ -29,7 +29,7 @@ class RowTracker:
     def __init__(self, min_disparity: int, num_disparities: int) -> None:
         """The search range is min_disparity .. min_disparity + num_disparities - 1, px."""
         self._search = (min_disparity, min_disparity + num_disparities - 1)
-        self._looks: deque[RowPoints] = deque(maxlen=_LOOKS)
+        self._looks: deque[RowPoints] = deque(maxlen=LOOKS)
         self._shape: tuple[int, ...] = ()
         self._alignment: RowAlignment | None = None
 
@@ -61,7 +61,7 @@ class RowTracker:
 
     def _is_lost(self) -> bool:
         """Whether so little is found of late that the alignment itself may be what is wrong."""
-        return len(self._looks) == _LOOKS and not can_tell(pooled(list(self._looks)), self._shape)
+        return len(self._looks) == LOOKS and not can_tell(pooled(list(self._looks)), self._shape)
 
     def _renew(self, points: RowPoints) -> bool:
         if not can_tell(points, self._shape):

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from types import FrameType
 
-from svdm_core.commands.argument_types import count, not_negative, positive
+from svdm_core.commands.argument_types import FROM_THE_PAIRS, alignment_file, count, not_negative, positive
 from svdm_core.missing_modules import missing_line
 from svdm_core.shown import line
 
@@ -60,6 +60,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--calib', type=Path, action='append', metavar='FILE',
                         help='calibration in place of camera_info, of KITTI, EuRoC, Middlebury v3 or ROS; twice for '
                              'files of one camera each, left first')
+    parser.add_argument('--align-rows', nargs='?', type=alignment_file, const=FROM_THE_PAIRS, metavar='FILE',
+                        help='align the rows of the right images first, by a .yaml of svdm check-rectification; '
+                             'without FILE, by what the recording shows')
     parser.add_argument('--start', type=not_negative, default=0.0, metavar='S', help='begin S seconds in (0)')
     parser.add_argument('--duration', type=positive, metavar='S', help='process S seconds of it')
     parser.add_argument('--copy-inputs', action='store_true', help='copy the images as well, not camera_info only')

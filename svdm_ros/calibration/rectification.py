@@ -42,8 +42,8 @@ class _Window(NamedTuple):
     binning_y: int
 
 
-class _Calibration(NamedTuple):
-    """All that the maps depend on, as values that compare equal where the maps are equal."""
+class Calibration(NamedTuple):
+    """All that the maps of a raw camera depend on, as values that compare equal where the maps are equal."""
 
     size: tuple[int, int]
     sensor: tuple[int, int]
@@ -74,7 +74,7 @@ class Rectification:
         Distortion models: plumb_bob (or empty; 0, 4 or 5 numbers), rational_polynomial (8, 12, 14), equidistant (4).
         Raises ValueError, in one line, for what is no calibration, another model, or an image of another size.
         """
-        return cls(_maps(_checked(_calibration(info, width, height))))
+        return cls(_maps(_checked(calibration_of(info, width, height))))
 
     def __call__(self, pixels: Pixels) -> Pixels:
         """The rectified image of (H, W) or (H, W, 3) uint8 or uint16, interpolated linearly; 0 outside the raw image.
@@ -93,12 +93,12 @@ class RectificationCache:
     """The rectification of one camera, made anew when anything of its calibration changes. Not for several threads."""
 
     def __init__(self) -> None:
-        self._calibration: _Calibration | None = None
+        self._calibration: Calibration | None = None
         self._rectification: Rectification | None = None
 
     def of(self, info: CameraInfo, width: int, height: int) -> Rectification:
         """As `Rectification.of`; the very object of the last call where all values are the same."""
-        calibration = _calibration(info, width, height)
+        calibration = calibration_of(info, width, height)
         if self._rectification is None or calibration != self._calibration:
             self._rectification = Rectification(_maps(_checked(calibration)))
             self._calibration = calibration
@@ -126,11 +126,12 @@ def unrectified_line(info: CameraInfo, topic: str) -> str:
             'images are expected: set `input: raw`, or remap to image_rect')
 
 
-def _calibration(info: CameraInfo, width: int, height: int) -> _Calibration:
+def calibration_of(info: CameraInfo, width: int, height: int) -> Calibration:
+    """What a camera_info says of images of this size, px; nothing is checked."""
     roi = info.roi
     window = _Window(int(roi.x_offset), int(roi.y_offset), int(roi.width or info.width),
                      int(roi.height or info.height), max(int(info.binning_x), 1), max(int(info.binning_y), 1))
-    return _Calibration(
+    return Calibration(
         (width, height), (int(info.width), int(info.height)), window, info.distortion_model or 'plumb_bob',
         *(_floats(values) for values in (info.d, info.k, info.r, info.p)))
 
@@ -142,7 +143,7 @@ def _floats(values: object) -> tuple[float, ...]:
 # What is refused
 
 
-def _checked(calibration: _Calibration) -> _Calibration:
+def _checked(calibration: Calibration) -> Calibration:
     _check_size(calibration)
     for name, values in (('K', calibration.k), ('D', calibration.d), ('R', calibration.r), ('P', calibration.p)):
         for index, value in enumerate(values):
@@ -156,7 +157,7 @@ def _checked(calibration: _Calibration) -> _Calibration:
     return calibration
 
 
-def _check_size(calibration: _Calibration) -> None:
+def _check_size(calibration: Calibration) -> None:
     width, height = calibration.size
     if not (0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
         raise ValueError(f'the image has {width}x{height} px, each side must be 1 to {_LARGEST_SIDE} px: give another')
@@ -188,7 +189,7 @@ def _check_projection(name: str, matrix: Matrix) -> None:
                          f'{expected[row, column]:g}: calibrate anew')
 
 
-def _check_model(calibration: _Calibration) -> None:
+def _check_model(calibration: Calibration) -> None:
     allowed = _COEFFICIENTS.get(calibration.model)
     if allowed is None:
         raise ValueError(f'camera_info has distortion_model {shown(calibration.model)}, it must be '
@@ -208,7 +209,7 @@ def _check_rotation(r: Matrix) -> None:
 # The maps
 
 
-def _maps(calibration: _Calibration) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
+def _maps(calibration: Calibration) -> tuple[NDArray[np.int16], NDArray[np.uint16]]:
     k = _of_window(np.reshape(calibration.k, (3, 3)), calibration.window)
     p = _of_window(np.reshape(calibration.p, (3, 4))[:, :3], calibration.window)
     # k3 of four coefficients is 0, as OpenCV has it too; said here as it is what CameraInfo means.

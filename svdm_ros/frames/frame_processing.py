@@ -7,19 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from svdm_core import DisparityResult, NotEnoughMemoryError, StereoMatcher
+from svdm_core import DisparityResult, NotEnoughMemoryError, RowAlignment, StereoMatcher
 from svdm_core.memory import is_out_of_memory, lacking_text
 
-from ..calibration.geometry import stereo_geometry
 from .filtering import filled_or_valid, nothing_left
+from .frame_preparation import FramePreparation, PreparedFrame
 from .matched_frame import MatchedFrame
-from .preparation import PreparedPair, beyond_reach, prepare, with_search_range
-from .row_offsets import RectificationCheck
+from .preparation import PreparedPair, beyond_reach
 from .temporal_filter import TemporalFilter
-from .views import FrameError, StereoFrame, Views
+from .views import FrameError, StereoFrame
 
 if TYPE_CHECKING:
     from ..node.parameter_set import NodeParameters
+
+
+RowSource = Callable[[PreparedFrame], RowAlignment | None]
+"""By what the right image of a pair is aligned; None: as it is."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -37,17 +40,17 @@ class FrameProcessor:
     """Holds the matcher. Everything here must be called from one and the same thread; messages of any library."""
 
     def __init__(
-        self, on_compiling: Callable[[str], None] = lambda _: None, rectification: RectificationCheck | None = None
+        self, on_compiling: Callable[[str], None] = lambda _: None, rows: RowSource | None = None
     ) -> None:
-        """on_compiling: told before a frame that has to compile kernels first, with what they are for. rectification:
-        looks at pairs; what it found may be read from any thread.
+        """on_compiling: told before a frame that has to compile kernels first, with what they are for. rows: shown each
+        pair before it is matched; says by what its right image is aligned.
         """
         self._on_compiling = on_compiling
         self._matcher: StereoMatcher | None = None
         self._threads = 0
-        self._views = Views()
+        self._preparation = FramePreparation()
         self._temporal = TemporalFilter()
-        self._rectification = rectification
+        self._rows = rows
 
     def warm_up(self, parameters: NodeParameters) -> None:
         """Compile what `parameters` need for 8-bit images, or load it from the cache of an earlier run."""
@@ -65,38 +68,27 @@ class FrameProcessor:
                 f'{lacking_text(error)}: set downscale, roi or fewer num_disparities') from None
 
     def _processed(self, frame: StereoFrame, parameters: NodeParameters) -> ProcessedFrame:
-        left, right = self._views.of(frame)
-        height, width = left.pixels.shape[:2]
-        whole = stereo_geometry(left.info, right.info, width, height, parameters.baseline)
-        try:
-            pair = prepare(left.pixels, right.pixels, whole, parameters)
-        except ValueError as error:
-            raise FrameError('not within the image', f'pair dropped: {error}') from error
-        parameters, range_problem = with_search_range(parameters, pair.geometry)
-        setting = parameters.matcher, pair.geometry, parameters.region, parameters.downscale, frame.raw
-        if self._rectification is not None:
-            start = parameters.matcher.min_disparity
-            searched = start, start + parameters.matcher.num_disparities - 1
-            self._rectification.look(pair.left, pair.right, searched, frame.arrived, setting[1:])
-        result = self._match(pair, parameters)
+        prepared = self._preparation.of(frame, parameters)
+        pair, parameters = prepared.pair, prepared.parameters
+        result = self._match(pair, parameters, None if self._rows is None else self._rows(prepared))
         weight = parameters.temporal_filter
+        setting = parameters.matcher, pair.geometry, parameters.region, parameters.downscale, frame.raw
         disparity = self._temporal(result.disparity, filled_or_valid(result.valid, parameters), weight, frame.arrived,
                                    setting)
         step = 0.0 if weight > 0 else result.step
         matched = MatchedFrame(frame.left.header, pair.left, disparity, result.valid, result.confidence, step,
                                pair.geometry, parameters)
-        nothing = nothing_left(matched)
-        notes = whole.problem, range_problem, pair.note, nothing
+        notes = prepared.whole.problem, prepared.problem, pair.note, nothing_left(matched)
         return ProcessedFrame(matched, result.timings, '; '.join(filter(None, notes)),
                               beyond_reach(pair.geometry, parameters.matcher.min_disparity))
 
-    def _match(self, pair: PreparedPair, parameters: NodeParameters) -> DisparityResult:
+    def _match(self, pair: PreparedPair, parameters: NodeParameters, rows: RowAlignment | None) -> DisparityResult:
         matcher = self._matcher_for(parameters)
         lacking = matcher.not_compiled(pair.left)
         if lacking:
             self._on_compiling(lacking)
         try:
-            return matcher.compute(pair.left, pair.right)
+            return matcher.compute(pair.left, pair.right, rows)
         except ValueError as error:
             raise FrameError('refused', f'pair dropped, the matcher refuses it: {error}') from error
 

@@ -210,7 +210,7 @@ class DisparityNode(Node):
             tolerance_ns=self._pairing.tolerance_ns,
             hint=lambda: other_topics_hint(self._topics, self._types_on),
         ))
-        rows = self._matching.rectification.line(time.monotonic())
+        rows = self._matching.rows.line(time.monotonic())
         if line is None and rows and self._image_subscriptions:
             line = Line('rows', rows)
         if line is not None:
@@ -225,7 +225,7 @@ class DisparityNode(Node):
         self._diagnostics.publish(diagnostic_array(
             self.get_fully_qualified_name(), self.get_clock().now().to_msg(), counts, rate,
             not self._matching.compiling, self._log.trouble, idle=not self._image_subscriptions,
-            more=self._matching.rectification.values(),
+            more=self._matching.rows.values(),
         ))
 
     def _tell_shortfalls(self, counts: FrameCounts, watching: bool) -> None:

@@ -10,13 +10,13 @@ from svdm_core.memory import is_out_of_memory
 
 from ..frames.frame_processing import FrameProcessor, ProcessedFrame
 from ..frames.matched_frame import MatchedFrame
-from ..frames.row_offsets import RectificationCheck
 from ..frames.views import FrameError, StereoFrame
 from .camera_infos import CameraInfos
 from .failures import Failures
 from .frame_statistics import FrameStatistics, PixelShares
 from .log_lines import Line, LogLines
 from .parameter_set import NodeParameters
+from .row_watch import RowWatch
 from .worker import Worker
 
 _INFO_PATIENCE = 2.0
@@ -33,8 +33,8 @@ class Matching:
         self._log, self._statistics, self._infos = log, statistics, infos
         self._publish, self._parameters, self._is_up = publish, parameters, is_up
         self._failures = Failures(statistics, log)
-        self.rectification = RectificationCheck()
-        self._processor = FrameProcessor(self._report_compiling, self.rectification)
+        self.rows = RowWatch(log, self._report_row_failure)
+        self._processor = FrameProcessor(self._report_compiling, self.rows)
         self._worker: Worker[StereoFrame] = Worker(
             self._warm_up, self._process, statistics.count_drop, self._report_failure, lambda: parameters().period)
         self._first, self._early = math.inf, Line('', '')
@@ -51,11 +51,13 @@ class Matching:
         return not self._worker.ready or bool(self._compiling)
 
     def start(self) -> None:
+        self.rows.start()
         self._worker.start()
 
     def stop(self, timeout: float) -> bool:
-        """As the worker's."""
-        return self._worker.stop(timeout)
+        """As the worker's; of both threads."""
+        has_ended = self._worker.stop(timeout)
+        return self.rows.stop(timeout) and has_ended
 
     def submit(self, frame: StereoFrame) -> None:
         """A pair without its camera_info, which may still come while the pair waits."""
@@ -119,6 +121,13 @@ class Matching:
             what = self._compiling
             self._log.say(Line(f'compiled {what}', f'ready: kernels compiled or loaded for {what}'))
             self._compiling = ''
+
+    def _report_row_failure(self, error: Exception) -> None:
+        if self._is_up():
+            if is_out_of_memory(error):
+                self._failures.no_memory('rows not measured', error)
+            else:
+                self._failures.defect('rows not measured', error)
 
     def _report_failure(self, error: Exception) -> None:
         if not self._is_up():

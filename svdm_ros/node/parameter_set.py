@@ -66,6 +66,9 @@ _OWN_TABLE = (
         'exposure_match', 'off', "whether the right image's brightness and contrast are brought to the left's",
         choices=('off', 'gain')),
     ParameterInfo(
+        'align_rows', 'track', "whether the right image's rows are brought to the left's: by what the first pairs show "
+        '(once), also by what later ones show (track), or not', choices=('off', 'once', 'track')),
+    ParameterInfo(
         'num_threads', 0, 'threads of the matcher; 0: one thread per processor', minimum=0, maximum=1024),
 )
 
@@ -113,6 +116,7 @@ class NodeParameters:
     confidence_threshold: float = 0.2
     temporal_filter: float = 0.0
     exposure_match: str = 'off'
+    align_rows: str = 'track'
     num_threads: int = 0
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The one thread that runs the matcher, fed through a mailbox that holds the newest job only."""
+"""A thread that works beside the executor's, fed through a mailbox that holds the newest job only."""
 from __future__ import annotations
 
 import contextlib
@@ -13,7 +13,7 @@ _LOOK_AGAIN = 0.1  # s
 class Worker[Job]:
     """Calls `prepare()` once and then `process(job)` for each job, all in one thread of its own.
 
-    A matcher takes one frame at a time, and nobody else is to wait for it.
+    A matcher takes one frame at a time, and nobody else is to wait for it; nor for a measurement of rows.
     A job that is still waiting when the next one comes is replaced. Jobs begin `period()` seconds apart at least.
     `on_drop(reason)` is called for each job that is not processed, `on_error(exception)` for whatever `prepare` or
     `process` raises: the thread goes on.
@@ -26,7 +26,9 @@ class Worker[Job]:
         on_drop: Callable[[str], None],
         on_error: Callable[[Exception], None],
         period: Callable[[], float] = lambda: 0.0,
+        name: str = 'matcher',
     ) -> None:
+        """name: of the thread."""
         self._prepare = prepare
         self._process = process
         self._on_drop = on_drop
@@ -38,7 +40,7 @@ class Worker[Job]:
         self._stopping = False
         self._wake = threading.Condition()
         # A daemon: a compilation cannot be interrupted, and the process must be able to end during one.
-        self._thread = threading.Thread(target=self._run, name='matcher', daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     @property
     def ready(self) -> bool:

@@ -31,6 +31,8 @@ _PRESET = 'fast'
 _VARIATIONS: tuple[dict[str, Any], ...] = (
     {}, {'publish_filled': False}, {'alpha': 3.0, 'tau_lr': 0.5}, {'downscale': 2})
 """Changes of the preset, one after the other, under which answers are compared."""
+_COMPARABLE = {'align_rows': 'off'}
+"""What the node measures in hostile pairs, too, may change the answers."""
 _CALM = 4.0  # s in which answers are compared, in each round
 _SETTLE = 0.5  # s after a change, in which answers to what was sent before may come
 _STOPPED = 1.0  # s
@@ -65,7 +67,7 @@ class Soak:
         self._chance = random.Random(settings.seed)
         self._cameras = 0
         preset = NodeParameters(matcher=load_preset(_PRESET))
-        self._sets = [preset.replace(change) for change in _VARIATIONS]
+        self._sets = [preset.replace(_COMPARABLE | change) for change in _VARIATIONS]
         self._answers = [expected_answers(parameters, settings.size)
                          for parameters in (self._sets[:1] if settings.steady else self._sets)]
         self._current = preset

@@ -35,6 +35,13 @@ def test_a_module_keeps_the_rules(path):
     assert not ROS & set(imported(path)), 'svdm_core must do without ROS'
 
 
+def test_one_place_alone_knows_of_what_reads_recordings():
+    knowing = [path.relative_to(CHECKOUT).as_posix() for path in MODULES
+               if any(isinstance(node, ast.Constant) and str(node.value).startswith('svdm_ros.')
+                      for node in ast.walk(ast.parse(path.read_text())))]
+    assert knowing == ['svdm_core/evaluation/recordings.py']
+
+
 def imported(path):
     """The packages it imports, anywhere."""
     for node in ast.walk(ast.parse(path.read_text())):

@@ -28,6 +28,9 @@ STEPS = ('os.rename', 'os.remove', 'os.rmdir', 'os.mkdir', 'open')
 class QuickProcessor:
     """In place of the matcher, whose threads survive no fork: the grey of the left image is its disparity."""
 
+    def __init__(self, rows):
+        pass
+
     def warm_up(self, _parameters):
         pass
 

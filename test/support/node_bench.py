@@ -223,7 +223,8 @@ class Client:
         """The numbers of the diagnostics to come next."""
         del self.diagnostics[:]
         self.spin_until(lambda: self.diagnostics, 'diagnostics')
-        return {name: float(value) for name, value in self.diagnostics[-1].items() if name != 'state'}
+        return {name: float(value) for name, value in self.diagnostics[-1].items()
+                if name not in ('state', 'row alignment')}
 
     def publishers_of(self, topic):
         return self._node.count_publishers(topic)

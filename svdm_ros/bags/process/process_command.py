@@ -14,6 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from svdm_core import RowAlignment
+from svdm_core.commands.argument_types import FROM_THE_PAIRS
 from svdm_core.presets import preset_values
 from svdm_core.runtime import configure
 from svdm_core.shown import cut, line, nearest, shown
@@ -37,14 +39,16 @@ def run(options: argparse.Namespace) -> int:
     configure()
     inputs = _inputs(options.inputs)
     parameters = _parameters(options.params or options.preset, options.changes)
+    rows_file = options.align_rows if options.align_rows not in (None, FROM_THE_PAIRS) else None
     template = Job(
         inputs[0], options.output, parameters, left=options.left, right=options.right, start_s=options.start,
         duration_s=options.duration, copy_inputs=options.copy_inputs, outputs=_outputs(options, parameters),
         preview=options.preview,
-        calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force)
+        calibration=read_calibration(options.calib, colour=False) if options.calib else None, force=options.force,
+        rows=RowAlignment.load(rows_file) if rows_file else None, estimate_rows=options.align_rows == FROM_THE_PAIRS)
     is_one = len(options.inputs) == len(inputs) == 1 and inputs[0] == Path(options.inputs[0]) and not options.scheduler
     jobs = [template] if is_one else _jobs(template, inputs)
-    read = [*inputs, *(options.calib or ()), Path(options.params or options.preset)]
+    read = [*inputs, *(options.calib or ()), *filter(None, [rows_file]), Path(options.params or options.preset)]
     for job in jobs:
         if job.force:
             check_apart(job.output, read)
@@ -153,6 +157,8 @@ def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
         if not equals:
             raise ValueError(f'--set {cut(change)} is not allowed: write it as name=value')
         _check_known(name, table)
+        if name == 'align_rows':
+            raise ValueError(f'--set {cut(change)} is not allowed: it is for the live node; give --align-rows')
         values[name] = table[name].parse(text)
     return NodeParameters().replace(values)
 

@@ -8,17 +8,17 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from svdm_core import RowAlignment
 from svdm_core.memory import lacking_text
 from svdm_core.shown import cut
 
-from ...calibration.rectification import unrectified_line
 from ...calibration.stereo_calibration import StereoCalibration
 from ...command_line.interrupts import deferred_interrupts
+from ...frames.frame_preparation import PreparedFrame
 from ...frames.frame_processing import FrameProcessor
 from ...frames.views import FrameError, StereoFrame
 from ...node.parameter_set import NodeParameters
 from ..reading.pair_stream import PairStream, RecordedPair
-from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import RecordedMessage, Recording, RecordingError, open_recording
 from ..reading.sqlite_file import log_of
 from ..reading.stereo_topics import StereoTopics, find_side_by_side, find_stereo_topics, ground_truth_lines
@@ -28,6 +28,7 @@ from ..writing.partial_folder import partial_path, remove_marks
 from ..writing.stereo_messages import infos_of
 from .outputs import Outputs
 from .preview import write_preview
+from .row_estimate import estimate_rows, stereo_frame, unrectified_lines
 from .summary import Progress, Summary
 from .threads import WriteBehind, read_ahead
 
@@ -47,7 +48,8 @@ class Job:
     """One recording to process, and how. Picklable.
 
     start_s, duration_s: from the beginning of the recording; None is to its end. calibration: in place of the recorded
-    camera_info. preview: 'mp4' or 'png', see `preview`.
+    camera_info. preview: 'mp4' or 'png', see `preview`. rows: align the rows by this, or by what the recording shows
+    where `estimate_rows` is set; the parameter align_rows is the live node's.
     """
 
     input: Path
@@ -62,6 +64,8 @@ class Job:
     calibration: StereoCalibration | None = None
     preview: str | None = None
     force: bool = False
+    rows: RowAlignment | None = None
+    estimate_rows: bool = False
 
 
 class NoPairsError(ValueError):
@@ -114,11 +118,15 @@ class _Run:
         self._stream = stream
         self._outputs = outputs
         self._bag = bag
-        self._processor = FrameProcessor()
+        self._processor = FrameProcessor(rows=self._rows_of)
         try:
             self._progress = Progress.of(bag.state)
         except ValueError as error:
             raise bag.damaged(str(error)) from None
+        if job.rows is not None:
+            self._progress.rows = job.rows.as_dict()
+        self._rows = self._progress.row_alignment
+        self._row_note = ''
         self._written = bag.state
         self._matched = 0
         self._matcher_ms = 0.0
@@ -128,6 +136,8 @@ class _Run:
         problem = ''
         try:
             self._processor.warm_up(self._job.parameters)
+            if self._job.estimate_rows and self._rows is None:  # else by what a run before has found
+                self._estimate_rows()
             start = time.perf_counter()
             self._pass(tell)
             if self._progress.disparities:
@@ -178,10 +188,26 @@ class _Run:
         state = self._progress.as_dict()
         writer.put(lambda: self._write(messages, entry.time_ns, state))
 
+    def _estimate_rows(self) -> None:
+        estimate = estimate_rows(self._stream, self._frame, self._job.parameters)
+        self._rows = estimate.rows
+        self._progress.rows = estimate.rows.as_dict() if estimate.rows else {}
+        self._row_note = estimate.note
+
+    def _rows_of(self, frame: PreparedFrame) -> RowAlignment | None:
+        """By what the rows of a pair are aligned: a file that was given is for all, an estimate for those of its size.
+        """
+        rows = self._rows
+        if rows is None or rows.is_identity or (
+                self._job.rows is None and frame.pair.left.shape[:2] != (rows.height, rows.width)):
+            return None
+        return rows
+
+    def _frame(self, pair: RecordedPair) -> StereoFrame:
+        return stereo_frame(pair, self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
+
     def _matched_messages(self, pair: RecordedPair) -> Iterator[tuple[str, bytes | memoryview]]:
-        progress, left = self._progress, pair.left.message
-        frame = StereoFrame(left, pair.right.message, pair.left_info, pair.right_info, stamp_ns(left) / 1e9,
-                            raw=self._job.parameters.input == 'raw' or self._is_calibrated_raw(pair))
+        progress, frame = self._progress, self._frame(pair)
         try:
             result = self._processor.process(frame, self._job.parameters)
         except FrameError as error:
@@ -193,7 +219,7 @@ class _Run:
         if frame.raw and self._job.parameters.input != 'raw':
             progress.notes['the images were rectified by the calibration given'] += 1
         if not frame.raw:
-            progress.notes.update(self._unrectified(pair))
+            progress.notes.update(unrectified_lines(pair, self._topics))
         progress.notes.update(filter(None, (result.problem, result.hint)))
         if pair.ground_truth is not None:
             progress.judge(result.frame.published, pair.ground_truth)
@@ -201,13 +227,7 @@ class _Run:
 
     def _is_calibrated_raw(self, pair: RecordedPair) -> bool:
         """Whether the calibration that was given is that of raw cameras, and the topics do not say `rect`."""
-        return self._job.calibration is not None and any(self._unrectified(pair))
-
-    def _unrectified(self, pair: RecordedPair) -> Iterator[str]:
-        """What tells that images are not rectified."""
-        for info, topic in ((pair.left_info, self._topics.left), (pair.right_info, self._topics.right)):
-            if info is not None and (line := unrectified_line(info, topic)):
-                yield line
+        return self._job.calibration is not None and any(unrectified_lines(pair, self._topics))
 
     def _write(
         self, messages: Iterator[tuple[str, bytes | memoryview]], time_ns: int, state: dict[str, Any]
@@ -222,7 +242,8 @@ class _Run:
             str(self._job.input), str(self._job.output), self._topics.left, self._topics.right,
             _as_dict(self._job.parameters), self._stream.counts, self._progress, self._matched,
             time.perf_counter() - start, self._matcher_ms / max(self._matched, 1),
-            notes=(*self._stream.recording.notes, *ground_truth_lines(self._stream.recording.topics)),
+            notes=(*self._stream.recording.notes, *ground_truth_lines(self._stream.recording.topics),
+                   *filter(None, [self._row_note])),
             missing=self._stream.recording.missing)
 
 
@@ -263,6 +284,8 @@ def _settings(job: Job, topics: StereoTopics) -> dict[str, Any]:
         'parameters': parameters,
         '--start': job.start_s, '--duration': job.duration_s, '--copy-inputs': job.copy_inputs,
         '--outputs': list(job.outputs), '--calib': _matrices(job.calibration),
+        **({'--align-rows': 'estimated' if job.rows is None else job.rows.as_dict()}
+           if job.rows is not None or job.estimate_rows else {}),
         **({'begun, as the past of temporal_filter is not kept': time.time_ns()}
            if job.parameters.temporal_filter > 0 else {}),
     }
@@ -277,6 +300,7 @@ def _matrices(calibration: StereoCalibration | None) -> list[list[float]] | None
 
 def _as_dict(parameters: NodeParameters) -> dict[str, Any]:
     own = dataclasses.asdict(parameters)
+    del own['align_rows']  # is the live node's
     return {**own.pop('matcher'), **own}
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core import RowAlignment
 from svdm_core.shown import shown
 
 from ..reading.pair_stream import PairingCounts
@@ -23,7 +24,8 @@ class Progress:
     """What is counted pair by pair; kept with the partial bag, so that a run that goes on has it all.
 
     done: entries of the stream that are dealt with. dropped: pairs that could not be matched, by reason; `reasons`
-    has the line of the first of each. notes: why results may be wrong, and in how many pairs.
+    has the line of the first of each. notes: why results may be wrong, and in how many pairs. rows: what RowAlignment
+    has as a dict, that of the pairs; {} where rows are not aligned, coefficients of 0 where they need not be.
     """
 
     done: int = 0
@@ -34,16 +36,28 @@ class Progress:
     error_sum: float = 0.0
     bad_pixels: int = 0
     judged_pixels: int = 0
+    rows: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def of(cls, state: dict[str, Any]) -> Progress:
         """From `as_dict`, {} included. Raises ValueError where it is of another shape."""
         progress = cls()
         for name, value in state.items():
-            if name not in progress.as_dict() or not _is_alike(getattr(progress, name), value):
+            kept = getattr(progress, name, None)
+            if name not in progress.as_dict() or not (isinstance(value, dict) if name == 'rows' else
+                                                      _is_alike(kept, value)):
                 raise ValueError(f'{shown(name)} is {shown(value)}, which no run counts')
             setattr(progress, name, type(getattr(progress, name))(value))
+        _ = progress.row_alignment
         return progress
+
+    @property
+    def row_alignment(self) -> RowAlignment | None:
+        """Of `rows`. Raises ValueError where they are none."""
+        try:
+            return RowAlignment(**self.rows) if self.rows else None
+        except TypeError as error:
+            raise ValueError(f'rows: {error}') from None
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -125,7 +139,7 @@ class Summary:
             'images': self.pairing.images, 'pairs': self.pairing.pairs, 'disparities': progress.disparities,
             'unpaired': self.pairing.unpaired, 'unpaired_reason': self._unpaired_reason(),
             'dropped': dict(progress.dropped), 'dropped_reasons': progress.reasons, 'notes': dict(progress.notes),
-            'ground_truth': self._error(),
+            'ground_truth': self._error(), 'row_alignment': progress.rows or None,
             'matched_in_this_run': self.matched, 'seconds': round(self.seconds, 3),
             'pairs_per_second': round(self.pairs_per_second, 3), 'matcher_ms': round(self.matcher_ms, 3),
             'parameters': self.parameters,
@@ -147,6 +161,8 @@ class Summary:
         if any(pairing.unpaired.values()):
             yield (f'  unpaired: {pairing.unpaired["left"]} of {pairing.images["left"]} left, '
                    f'{pairing.unpaired["right"]} of {pairing.images["right"]} right images: {self._unpaired_reason()}')
+        if (rows := progress.row_alignment) is not None:
+            yield '  rows: nothing significant to correct' if rows.is_identity else f'  rows aligned: {rows.line()}'
         for reason, count in sorted(progress.dropped.items()):
             yield f'  {count} without disparity, the first: {progress.reasons[reason]}'
         for note, count in sorted(progress.notes.items()):

@@ -2,13 +2,14 @@
 from __future__ import annotations
 
 import collections
+import contextlib
 import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
 from ...frames.stereo_pairing import Pair, SideName, StereoPairer
 from .recorded_frames import ByStamp, CameraInfos, stamp_ns
-from .recording import RecordedMessage, Recording
+from .recording import RecordedMessage, Recording, RecordingError
 from .stereo_topics import StereoTopics
 
 WAITING_BYTES = 512 * 2**20
@@ -69,6 +70,7 @@ class PairStream:
         self._topics = topics
         self._copied = copied
         self._range = start_ns, stop_ns
+        self._tolerance_ns = tolerance_ns
         self._pairer: StereoPairer[TimedImage] = StereoPairer(tolerance_ns)
         self._waiting: collections.deque[Pair[TimedImage]] = collections.deque()
         self._given = infos
@@ -96,6 +98,27 @@ class PairStream:
         self._waiting.extend(self._pairer.flush())
         yield from self._released(None)
         self._count()
+
+    def sampled(self, most: int) -> Iterator[RecordedPair]:
+        """Up to `most` of its pairs, evenly over the time, without ground truth; the same ones every time.
+
+        What lies between is not read: a pair without a camera_info of its stamp has the first of the recording. Parts
+        that are damaged are left out.
+        """
+        start, stop = self._range[0], min(self._range[1], self.recording.end_ns)
+        topics = dataclasses.replace(self._topics, ground_truth=None)
+        last = -1
+        for begin in (start + (stop - start) * number // most for number in range(most)):
+            if begin <= last:
+                continue
+            part = PairStream(self.recording, topics, self._tolerance_ns, copied=frozenset(), start_ns=begin,
+                              stop_ns=self._range[1], infos=self._given)
+            with contextlib.suppress(RecordingError):
+                for pair in part:
+                    if isinstance(pair, RecordedPair) and pair.time_ns > last:
+                        last = pair.time_ns
+                        yield pair
+                        break
 
     def _first(self, topic: str) -> Any | None:
         message = next(self.recording.messages([topic]), None)

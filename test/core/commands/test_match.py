@@ -211,4 +211,4 @@ def test_an_alignment_that_does_not_fit_is_refused_in_one_line(pair, tmp_path, c
     assert not (tmp_path / 'a.pfm').exists()
     with pytest.raises(SystemExit):
         cli.main(['match', '--align-rows', *pair])
-    assert 'write --align-rows behind the images' in capsys.readouterr().err
+    assert 'write --align-rows last' in capsys.readouterr().err
