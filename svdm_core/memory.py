@@ -13,8 +13,8 @@ from .runtime.free_memory import free_memory
 from .shown import cut
 from .stripe_route import right_aggregation
 
-_PIXEL = 64
-"""Bytes a pixel, of either route: planes, edges, winners, what comes out."""
+_PIXEL = 76
+"""Bytes a pixel, of either route: planes, edges, winners, maps of stage 4, what comes out."""
 
 _CHANNEL = 16
 """The same for each channel."""
