@@ -21,7 +21,7 @@ PRESETS = {
         'filled', 'image', 23, 14.0, 0.06, 3, 0.09, 'far', True),
     'fast': (
         'horizontal', 0.0, 0.0, 2 / 255, 1, 0.3, 'box', 0.1, 255, True, 0.05, 0.7, 8.0, 3, 1.0, 'filled',
-        'image', 11, 8.0, 0.06, 5, 0.09, 'far', False),
+        'image', 11, 8.0, 0.1, 5, 0.1, 'far', False),
     'paper': (
         'magnitude', 10.7, 7 / 255, 2 / 255, 3, 0.0, 'tree', 0.1, 255, False, 0.0, 0.0, 0.0, 4, 1.0, 'all',
         'image', 31, 15.8, 0.175, 1, 0.0, 'scanline', False),

@@ -321,7 +321,7 @@ def test_every_pair_of_each_pass_comes_out_of_the_live_node(stereo_bag, tmp_path
             listener.listen('disparity', DisparityImage, RELIABLE, raw=False)
             wait_until_ready(listener)
             listener.spin_while(lambda: listener.node.count_publishers('disparity') == 0)
-            code, out, error = play_to(listener, stereo_bag, '--loop', '3', '--rate', '0.3', '--wait-for-subscribers')
+            code, out, error = play_to(listener, stereo_bag, '--loop', '3', '--rate', '0.2', '--wait-for-subscribers')
             assert (code, error) == (0, '')
             assert 'played 72 messages, 3 whole passes' in out
             with contextlib.suppress(AssertionError):  # the last one may still be on its way
