@@ -45,7 +45,7 @@ def test_each_format_holds_the_disparity_and_a_picture_lies_beside_it(pair, tmp_
     assert (np.abs(steps / 256 - disparity) <= np.maximum(1 / 512, 1 / 256 - disparity)).all()
     assert np.median(disparity) == pytest.approx(SHIFT, abs=0.2)
     assert cv2.imread(str(tmp_path / 'npy.png'), cv2.IMREAD_UNCHANGED).shape == (40, 90, 3)
-    assert '% passed the left-right check' in capsys.readouterr().out
+    assert '% are valid' in capsys.readouterr().out
 
 
 def test_without_names_the_files_lie_in_the_current_folder(pair, tmp_path, monkeypatch):
