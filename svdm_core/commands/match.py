@@ -58,8 +58,7 @@ def run(options: argparse.Namespace) -> int:
     low, high = shown_range(disparity)
     picture = colour_map(disparity, low, high, DISPARITY_COLOURS, unknown=(0, 0, 0))
     write_outputs({output: encode_disparity(disparity, output), preview: encode_png(picture)}, options.force)
-    print(f'{output}: {disparity.shape[1]} x {disparity.shape[0]} px, {100 * result.valid.mean():.1f} % passed the '
-          'left-right check')
+    print(f'{output}: {disparity.shape[1]} x {disparity.shape[0]} px, {100 * result.valid.mean():.1f} % are valid')
     print(f'{preview}: {low:g} px blue to {high:g} px red')
     return 0
 
