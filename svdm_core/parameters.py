@@ -60,6 +60,8 @@ class ParameterInfo:
 
     def check(self, value: Any) -> bool | int | float | str:
         """`value` in the parameter's own type. Raises ValueError naming parameter, value and what is allowed."""
+        if value is False and 'off' in self.choices:  # what YAML, and so ROS, makes of off without quotes
+            value = 'off'
         converted = _converted(value, self.type)
         if converted is None or not self._holds(converted):
             unit = f' {self.unit}' if self.unit and not self.form else ''

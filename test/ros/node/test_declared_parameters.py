@@ -2,13 +2,17 @@
 import dataclasses
 
 import pytest
+import rclpy
 from hypothesis import given
 from hypothesis import strategies as st
 from rcl_interfaces.msg import ParameterType
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 
 from svdm_core import parameter_table
 from svdm_core.cost_aggregation import AGGREGATIONS, Aggregation
-from svdm_ros.node.declared_parameters import descriptor, unknown_parameter_line
+from svdm_ros.node.declared_parameters import DeclaredParameters, descriptor, unknown_parameter_line
 from svdm_ros.node.parameter_set import NodeParameters, node_parameter_table
 
 TABLE = node_parameter_table()
@@ -101,3 +105,24 @@ def test_a_misspelt_name_is_told_with_the_nearest():
 def test_the_names_of_stereo_image_proc_lead_to_those_here():
     line = unknown_parameter_line('disparity_range')
     assert 'that of stereo_image_proc is num_disparities here' in line
+
+
+@pytest.mark.filterwarnings("ignore:module 'sre_")  # of the parser that rclpy's first node imports
+def test_off_without_quotes_which_yaml_takes_for_false_is_off():
+    context = rclpy.Context()
+    rclpy.init(context=context, args=['--ros-args', '-p', 'align_rows:=off', '-p', 'exposure_match:=off'],
+               signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('camera', context=context, automatically_declare_parameters_from_overrides=True)
+    try:
+        assert node.get_parameter('align_rows').value is False  # so ROS reads it
+        declared = DeclaredParameters(node, lambda _: None)
+        assert (declared.current.align_rows, declared.current.exposure_match) == ('off', 'off')
+        assert node.get_parameter('align_rows').value == 'off'
+        for value, expected in (('track', 'track'), (False, 'off'), ('once', 'once')):
+            [result] = node.set_parameters([Parameter('align_rows', value=value)])
+            assert result.successful and declared.current.align_rows == expected
+        with pytest.raises(ParameterNotDeclaredException, match='align_rows = True is not allowed'):
+            node.set_parameters([Parameter('align_rows', value=True)])
+    finally:
+        node.destroy_node()
+        context.shutdown()
