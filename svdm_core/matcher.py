@@ -113,6 +113,7 @@ class StereoMatcher:
         with _KERNELS:
             clock, parameters = self._new_clock(), self.parameters
             self._crew.gather(self.threads)
+            self._afford(left.shape, parameters)  # an alignment makes arrays as well
             right = _aligned(right, rows, clock)
             return self._refined(self._matched(left, right, parameters, clock), parameters, clock)
 
@@ -122,6 +123,7 @@ class StereoMatcher:
         with _KERNELS:
             clock = self._new_clock()
             self._crew.gather(self.threads)
+            self._afford(left.shape, self.parameters)
             right = _aligned(right, rows, clock)
             return self._matched(left, right, self.parameters, clock).copy()
 

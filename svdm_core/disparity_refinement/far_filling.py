@@ -68,11 +68,12 @@ px from what the window says, at most."""
 
 class FarWindow(NamedTuple):
     """column: image columns to one of the sparse ones; the window takes every second. spatial: uint16 (SIDE * UNIT),
-    65535 for weight 1, 0 beside the window. slope: see `similarity`. label_bits: of the largest disparity."""
+    65535 for weight 1, 0 beside the window. slope: see `similarity`. most: the largest disparity; label_bits: its."""
 
     column: int
     spatial: Uint16
     slope: np.uint16
+    most: int
     label_bits: int
 
 
@@ -104,7 +105,7 @@ def far_window(num_disparities: int, level_unit: float) -> FarWindow:
     spatial = np.zeros((SIDE, UNIT), np.uint16)
     spatial[:, :SIDE] = np.rint(65535 * np.exp(-(offsets[:, None] ** 2 + offsets**2) / SIGMA_S**2))
     return FarWindow(-(-num_disparities // REACH), spatial.reshape(-1), slope_of(SIGMA_C / level_unit),
-                     max(1, (num_disparities - 1).bit_length()))
+                     num_disparities - 1, max(1, (num_disparities - 1).bit_length()))
 
 
 def empty_far_maps(shape: tuple[int, ...], num_disparities: int) -> FarMaps:
@@ -164,7 +165,7 @@ def _fill_rows(task: int, arena: Uint8, far: FarMaps, window: FarWindow, gaps: G
             end: Any = runs[2 + 2 * n]
             if x == 0:
                 _fill_border(at, y, end, known, filled)
-                _continue_line(gaps.valid[y], end, filled)
+                _continue_line(gaps.valid[y], end, window.most, filled)
             elif end < width and abs(filled[x - 1] - filled[end]) > DEPTH_STEP:
                 _fill_gap(at, y, (x, end), known, filled)
 
@@ -202,21 +203,23 @@ def _median_of(at: _Pointers, y: int, run: tuple[int, int], known: Int16, guess:
 
 
 @kernel
-def _continue_line(valid: Bool, end: int, filled: Int16) -> None:
+def _continue_line(valid: Bool, end: int, most: int, filled: Int16) -> None:
     """The border's pixels 0 .. end - 1 on the line through the valid ones behind it, where the window says so about."""
     count, total_x, total_d, total_xx, total_xd = 0, 0.0, 0.0, 0.0, 0.0
     for x in range(end, valid.size):
-        if valid[x] and count < _LINE_PIXELS:
+        if valid[x]:
             d = float(filled[x])
             count, total_x, total_d = count + 1, total_x + x, total_d + d
             total_xx, total_xd = total_xx + x * x, total_xd + x * d
+            if count == _LINE_PIXELS:
+                break
     if count < _LINE_PIXELS:
         return
     middle, level = total_x / count, total_d / count
     slope = (total_xd / count - middle * level) / (total_xx / count - middle * middle)
     slope = _LINE_SHARE * min(max(slope, -_LINE_SLOPE), _LINE_SLOPE)
     for x in range(end):
-        on_line = level + slope * (x - middle)
+        on_line = min(level + slope * (x - middle), float(most))
         if on_line >= 0 and abs(on_line - filled[x]) <= _LINE_NEAR:
             filled[x] = np.int16(np.rint(on_line))
 

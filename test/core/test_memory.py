@@ -8,7 +8,7 @@ import pytest
 from checkout import CHECKOUT
 from scenes import noise
 
-from svdm_core import NotEnoughMemoryError, StereoMatcher, load_preset, memory
+from svdm_core import NotEnoughMemoryError, RowAlignment, StereoMatcher, load_preset, memory
 from svdm_core.memory import needed_bytes
 from svdm_core.runtime import free_memory as free_memory_module
 from svdm_core.runtime.free_memory import RecentFreeMemory, free_memory
@@ -37,7 +37,7 @@ def test_a_pair_that_does_not_fit_is_refused_before_anything_is_allocated(monkey
     try:
         with pytest.raises(NotEnoughMemoryError, match=r'2048x1536 px with 1024 disparities need about \d\.\d GB, and '
                                                        r'0\.5 GB are free$'):
-            matcher.compute(left, left)
+            matcher.compute(left, left, RowAlignment((0.5, 0, 0, 0, 0, 0), 2048, 1536))
         assert tracemalloc.get_traced_memory()[1] < 10**6
     finally:
         tracemalloc.stop()

@@ -98,3 +98,14 @@ def test_any_number_of_threads_fills_alike():
     labels, valid, levels = scene((90, 80), 64, 3, seed=5)
     one, three = (filled_from_afar(labels, valid, levels, 64, threads) for threads in (1, 3))
     np.testing.assert_array_equal(one, three)
+
+
+@pytest.mark.parametrize('count', [60, 64, 256, 1024])
+def test_the_line_does_not_lead_out_of_the_search_range(count):
+    """A wall that comes nearer to the left, up to the nearest disparity there is."""
+    labels = np.tile(np.round(count - 1 - 0.1 * np.arange(200)).astype(np.int16), (40, 1))
+    valid = np.ones(labels.shape, np.bool_)
+    valid[:, :25] = False
+    labels[:, 25:] = labels[:, :-25]
+    filled = filled_from_afar(labels, valid, np.full((1, 40, 200), 100, np.uint8), count)
+    assert count - 9 <= filled[:, :25].min() and filled[:, :25].max() <= count - 1
