@@ -31,6 +31,7 @@ from ..kernels.wide import (
     where_at_most,
     widen,
 )
+from .label_search import begun, narrowed
 from .similarity import similarity, slope_of
 
 ROWS = 4
@@ -51,7 +52,7 @@ _SPARE = 64
 class MedianWindow(NamedTuple):
     """What the window weighs. radius: px; rows: how many are taken, `step` px apart, see `window_rows`.
     spatial: uint16 (rows * lanes), 65536 exp(-|p - q|^2 / sigma_s^2), 0 beside the window. slope: see `similarity`.
-    columns: uint8 (W + 2 r + spare), 255 in the image, else 0. label_bits: of the largest disparity."""
+    columns: uint8 (W + 2 r + spare), 255 in the image, else 0. most: the largest label."""
 
     radius: int
     rows: int
@@ -59,13 +60,17 @@ class MedianWindow(NamedTuple):
     spatial: Uint16
     slope: np.uint16
     columns: Uint8
-    label_bits: int
+    most: int
 
 
 def window_rows(w_p: int) -> np.ndarray:
     """Offsets of the rows that are taken of a window of side w_p, px, from the pixel's row or the even one above it."""
-    step, r = 1 if w_p <= _ALL_ROWS else 2, w_p // 2
+    step, r = _row_step(w_p), w_p // 2
     return np.arange(-(r // step) * step, r + 1, step)
+
+
+def _row_step(w_p: int) -> int:
+    return 1 if w_p <= _ALL_ROWS else 2
 
 
 @functools.lru_cache(maxsize=8)
@@ -78,9 +83,8 @@ def median_window(width: int, w_p: int, sigma_s: float, sigma_c: float, num_disp
     spatial[:, :w_p] = np.minimum(np.rint(65536 * near), 65535)
     columns = np.zeros(width + 2 * r + _SPARE + lanes, np.uint8)
     columns[r:r + width] = 255
-    step = 1 if w_p <= _ALL_ROWS else 2
-    return MedianWindow(r, len(rows), step, spatial.reshape(-1), slope_of(sigma_c), columns,
-                        max(1, (num_disparities - 1).bit_length()))
+    return MedianWindow(r, len(rows), _row_step(w_p), spatial.reshape(-1), slope_of(sigma_c), columns,
+                        num_disparities - 1)
 
 
 def window_lanes(w_p: int) -> Lanes:
@@ -171,7 +175,7 @@ class _Pointers(NamedTuple):
     spatial: Any
     columns: Any
     slope: np.uint16
-    label_bits: int
+    most: int
     height: int
 
 
@@ -181,7 +185,7 @@ def _pointers(maps: MedianMaps, window: MedianWindow, arena: Uint8, step: int) -
     channels, rows, pitch = maps.guide.shape
     return _Pointers(pointer(arena), pointer(arena[size:]), pointer(maps.labels), pointer(maps.guide), pitch,
                      rows * pitch, channels, window.radius, window.rows, window.step, pointer(window.spatial),
-                     pointer(window.columns), window.slope, window.label_bits, maps.filled.shape[0])
+                     pointer(window.columns), window.slope, window.most, maps.filled.shape[0])
 
 
 @kernel
@@ -218,17 +222,11 @@ def _colour_weights(at: _Pointers, pixel: tuple[int, int], row: int, k: int, lan
 
 @kernel(inline=True)
 def _weighted_median(at: _Pointers, guess: int, total: np.uint32, lanes: Lanes) -> int:
-    """The smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
-    low, high, probe, step = 0, (1 << at.label_bits) - 1, guess, 1
-    while low < high:
-        if 2 * np.int64(_weight_up_to(at, probe, lanes)) >= total:
-            high, probe = probe, max(low, probe - step)
-        else:
-            low, probe = probe + 1, min(high - 1, probe + step)
-        if probe < low or probe >= high or step > 8:
-            probe = (low + high) // 2
-        step *= 2
-    return low
+    """The smallest label with half of the weight at or below it."""
+    search = begun(guess, at.most)
+    while search.low < search.high:
+        search = narrowed(search, bool(2 * np.int64(_weight_up_to(at, search.probe, lanes)) >= total))
+    return search.low
 
 
 @kernel(inline=True)

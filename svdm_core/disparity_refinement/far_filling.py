@@ -31,6 +31,7 @@ from ..kernels.wide import (
     where_less,
     widen,
 )
+from .label_search import begun, narrowed
 from .similarity import similarity, slope_of
 
 ROWS = 4
@@ -68,13 +69,12 @@ px from what the window says, at most."""
 
 class FarWindow(NamedTuple):
     """column: image columns to one of the sparse ones; the window takes every second. spatial: uint16 (SIDE * UNIT),
-    65535 for weight 1, 0 beside the window. slope: see `similarity`. most: the largest disparity; label_bits: its."""
+    65535 for weight 1, 0 beside the window. slope: see `similarity`. most: the largest label."""
 
     column: int
     spatial: Uint16
     slope: np.uint16
     most: int
-    label_bits: int
 
 
 class FarMaps(NamedTuple):
@@ -105,7 +105,7 @@ def far_window(num_disparities: int, level_unit: float) -> FarWindow:
     spatial = np.zeros((SIDE, UNIT), np.uint16)
     spatial[:, :SIDE] = np.rint(65535 * np.exp(-(offsets[:, None] ** 2 + offsets**2) / SIGMA_S**2))
     return FarWindow(-(-num_disparities // REACH), spatial.reshape(-1), slope_of(SIGMA_C / level_unit),
-                     num_disparities - 1, max(1, (num_disparities - 1).bit_length()))
+                     num_disparities - 1)
 
 
 def empty_far_maps(shape: tuple[int, ...], num_disparities: int) -> FarMaps:
@@ -245,7 +245,7 @@ class _Pointers(NamedTuple):
     column: int
     spatial: Any
     slope: np.uint16
-    label_bits: int
+    most: int
 
 
 @kernel
@@ -255,7 +255,7 @@ def _pointers(far: FarMaps, window: FarWindow, gaps: Gaps, arena: Int16) -> _Poi
     _, rows, pitch = far.labels.shape
     return _Pointers(pointer(scratch), pointer(scratch[SIDE * UNIT:]), pointer(far.labels), pointer(far.guide), pitch,
                      rows * pitch, pointer(gaps.levels), channels, height, width, rows, window.column,
-                     pointer(window.spatial), window.slope, window.label_bits)
+                     pointer(window.spatial), window.slope, window.most)
 
 
 @kernel
@@ -292,17 +292,11 @@ def _weights(at: _Pointers, pixel: tuple[int, int], place: int, i: int) -> Any:
 
 @kernel
 def _weighted_median(at: _Pointers, total: int, guess: int) -> int:
-    """The smallest label with half of the weight at or below it; gallops from `guess`, then bisects."""
-    low, high, probe, step = 0, (1 << at.label_bits) - 1, guess, 1
-    while low < high:
-        if 2 * np.int64(_weight_up_to(at, probe)) >= total:
-            high, probe = probe, max(low, probe - step)
-        else:
-            low, probe = probe + 1, min(high - 1, probe + step)
-        if probe < low or probe >= high or step > 8:
-            probe = (low + high) // 2
-        step *= 2
-    return low
+    """The smallest label with half of the weight at or below it."""
+    search = begun(guess, at.most)
+    while search.low < search.high:
+        search = narrowed(search, bool(2 * np.int64(_weight_up_to(at, search.probe)) >= total))
+    return search.low
 
 
 @kernel(inline=True)

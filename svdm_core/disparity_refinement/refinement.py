@@ -167,14 +167,6 @@ def disparity_step(parameters: MatcherParameters) -> float:
     return 1 / byte_median.STEPS if in_bytes(parameters) else 0.0
 
 
-def scratch_size(shape: tuple[int, ...], parameters: MatcherParameters) -> int:
-    """Bytes of scratch for each thread."""
-    channels = 1 if len(shape) == 2 else shape[2]
-    return max(byte_median.scratch_size(parameters.w_p), final_median.scratch_size(shape[1]),
-               confidence.scratch_size(shape[1]), far_filling.scratch_size(shape[1]),
-               plane_fit.scratch_size(shape[1], channels))
-
-
 def _byte_maps(shape: tuple[int, ...], w_p: int) -> tuple[Uint8, Uint8, Uint16]:
     if w_p == 0:
         return np.zeros((0, 0), np.uint8), np.zeros((0, 0, 0), np.uint8), np.zeros((0, 0), np.uint16)

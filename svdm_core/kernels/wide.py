@@ -197,24 +197,23 @@ for _symbol, _instruction in ((operator.add, 'add'), (operator.sub, 'sub'), (ope
     _overload_operator(_symbol, _instruction)
 
 
-@wide_intrinsic
-def shift_right(_: Any, a: Any, bits: Any) -> Any:
-    """Unsigned lanes divided by 2^bits; bits is written in the kernel."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        count = _constant(a, bits.literal_value)
-        return join(builder, [builder.lshr(piece, count) for piece in split(builder, arguments[0], a)], a)
+def _shifted(meaning: str, instruction: str) -> Any:
+    """An intrinsic f(a, bits); bits is written in the kernel."""
+    @wide_intrinsic
+    def shifted(_: Any, a: Any, bits: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            count = _constant(a, bits.literal_value)
+            return join(builder, [getattr(builder, instruction)(piece, count)
+                                  for piece in split(builder, arguments[0], a)], a)
 
-    return a(a, bits), generate
+        return a(a, bits), generate
+
+    shifted.__doc__ = meaning
+    return shifted
 
 
-@wide_intrinsic
-def shift_right_signed(_: Any, a: Any, bits: Any) -> Any:
-    """Signed lanes divided by 2^bits, rounded down; bits is written in the kernel."""
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        count = _constant(a, bits.literal_value)
-        return join(builder, [builder.ashr(piece, count) for piece in split(builder, arguments[0], a)], a)
-
-    return a(a, bits), generate
+shift_right = _shifted('Unsigned lanes divided by 2^bits.', 'lshr')
+shift_right_signed = _shifted('Signed lanes divided by 2^bits, rounded down.', 'ashr')
 
 
 @wide_intrinsic
