@@ -111,5 +111,6 @@ def fill_along_scanlines(disparity: Int16, valid: Bool) -> Int16:
 
 @kernel
 def _fill_map(disparity: Int16, valid: Bool, filled: Int16) -> None:
+    unwanted = np.zeros(0, np.int32)
     for y in range(disparity.shape[0]):
-        _fill_row(disparity[y], valid[y], filled[y], np.zeros(0, np.int32))
+        _fill_row(disparity[y], valid[y], filled[y], unwanted)

@@ -1,7 +1,7 @@
 """Stage 4, confidence: how far a disparity can be trusted, from the margin of its winner and that of its neighbours.
 
-Of 54 features of a pixel and its surroundings no combination tells wrong disparities much better apart than the mean of
-(left-right check passed) x (margin over the best rival) over a small window.
+The measure is the mean of (valid) x (margin over the best rival) over a small window. Prototypes with up to 54 features
+of a pixel and its surroundings told wrong disparities hardly better apart.
 """
 from __future__ import annotations
 
@@ -110,17 +110,19 @@ def _add_slopes(grey: Image, y: int, sign: int, sums: Int32) -> None:
     above, row, below = grey[max(y - 1, 0)], grey[y], grey[min(y + 1, height - 1)]
     factor = np.int32(sign)
     for x in range(1, width - 1):
-        slope = (np.int32(above[x + 1]) - np.int32(above[x - 1]) + np.int32(below[x + 1]) - np.int32(below[x - 1])
-                 + np.int32(2) * (np.int32(row[x + 1]) - np.int32(row[x - 1])))
-        sums[_ACROSS + x] += factor * abs(slope)
+        sums[_ACROSS + x] += factor * _slope(above, row, below, x - 1, x + 1)
     if width > 1:
-        for x in (0, width - 1):
-            low, high = max(x - 1, 0), min(x + 1, width - 1)
-            slope = (np.int32(above[high]) - np.int32(above[low]) + np.int32(below[high]) - np.int32(below[low])
-                     + np.int32(2) * (np.int32(row[high]) - np.int32(row[low])))
-            sums[_ACROSS + x] += factor * abs(slope)
+        sums[_ACROSS] += factor * _slope(above, row, below, 0, 1)
+        sums[_ACROSS + width - 1] += factor * _slope(above, row, below, width - 2, width - 1)
     sums[:_ACROSS] = sums[_ACROSS]
     sums[_ACROSS + width:] = sums[_ACROSS + width - 1]
+
+
+@kernel(inline=True)
+def _slope(above: Image, row: Image, below: Image, low: int, high: int) -> np.int32:
+    """|Sobel| between two columns."""
+    return abs(np.int32(above[high]) - np.int32(above[low]) + np.int32(below[high]) - np.int32(below[low])
+               + np.int32(2) * (np.int32(row[high]) - np.int32(row[low])))
 
 
 @kernel
