@@ -113,19 +113,14 @@ class StereoMatcher:
         with _KERNELS:
             clock, parameters = self._new_clock(), self.parameters
             self._crew.gather(self.threads)
-            self._afford(left.shape, parameters)  # an alignment makes arrays as well
-            right = _aligned(right, rows, clock)
-            return self._refined(self._matched(left, right, parameters, clock), parameters, clock)
+            return self._refined(self._matched(left, right, rows, parameters, clock), parameters, clock)
 
     def match(self, left: Image, right: Image, rows: RowAlignment | None = None) -> MatchedPair:
         """Stages 1 to 3 of a pair, as `compute` takes it; the arrays are the caller's own, for as long as wanted."""
         left, right = _checked(left, right)
         with _KERNELS:
-            clock = self._new_clock()
             self._crew.gather(self.threads)
-            self._afford(left.shape, self.parameters)
-            right = _aligned(right, rows, clock)
-            return self._matched(left, right, self.parameters, clock).copy()
+            return self._matched(left, right, rows, self.parameters, self._new_clock()).copy()
 
     def refine(self, matched: MatchedPair) -> DisparityResult:
         """Stage 4, under the parameters that the matcher has now; `compute` is `refine(match(left, right, rows))`.
@@ -159,9 +154,14 @@ class StereoMatcher:
         kind = f'{8 * image.dtype.itemsize}-bit {"grey" if image.ndim == 2 else "colour"} images'
         return f'{kind} and {first} to {width_of(lanes)} disparities'
 
-    def _matched(self, left: Image, right: Image, parameters: MatcherParameters, clock: StageClock) -> MatchedPair:
+    def _matched(
+        self, left: Image, right: Image, rows: RowAlignment | None, parameters: MatcherParameters, clock: StageClock
+    ) -> MatchedPair:
         """Its arrays are the matcher's own and the images: valid until the next pair."""
-        self._afford(left.shape, parameters)
+        self._afford(left.shape, parameters, rows is not None)
+        if rows is not None:
+            with clock.stage('row_alignment'):
+                right = rows.apply(right)
         images = self._prepare(left, right, parameters, clock)
         winners = self._winners(images, parameters, clock)
         return MatchedPair(parameters, images, winners, left.shape, clock.seconds)
@@ -172,9 +172,9 @@ class StereoMatcher:
         _RUN.add(_kernels_of(matched.shape, matched.images.left.dtype, parameters))
         return DisparityResult(*refined, clock.milliseconds(), disparity_step(parameters))
 
-    def _afford(self, shape: tuple[int, ...], parameters: MatcherParameters) -> None:
+    def _afford(self, shape: tuple[int, ...], parameters: MatcherParameters, is_aligned: bool) -> None:
         """Raises NotEnoughMemoryError where the buffers of such a pair, if they are not there yet, do not fit."""
-        wanted = shape, parameters, self._crew.threads
+        wanted = shape, parameters, self._crew.threads, is_aligned
         if wanted != self._afforded:
             self._kept.pop(StripeRoute if is_exact(parameters) else ExactRoute, None)
             self._afforded = ()
@@ -216,13 +216,6 @@ def _kernels_of(shape: tuple[int, ...], dtype: Any, parameters: MatcherParameter
     channels = 1 if len(shape) == 2 else shape[2]
     return (str(dtype), channels, is_exact(parameters), lanes_for(parameters.num_disparities), parameters.aggregation,
             right_aggregation(parameters, channels), *kernels_of(parameters))
-
-
-def _aligned(right: Image, rows: RowAlignment | None, clock: StageClock) -> Image:
-    if rows is None:
-        return right
-    with clock.stage('row_alignment'):
-        return rows.apply(right)
 
 
 def _checked(left: Image, right: Image) -> tuple[Image, Image]:

@@ -19,6 +19,9 @@ _PIXEL = 76
 _CHANNEL = 16
 """The same for each channel."""
 
+_ALIGNMENT = 40
+"""Bytes a pixel where rows are aligned: the map, the field that it is made from, and the image of 16 bit and colour."""
+
 _TREES = 44
 """Bytes a pixel of a view with trees by stripes."""
 
@@ -38,10 +41,13 @@ def lacking_text(error: BaseException) -> str:
     return cut(text) or 'the memory is used up'  # no text where another process took it meanwhile
 
 
-def needed_bytes(shape: tuple[int, ...], parameters: MatcherParameters, threads: int) -> int:
-    """About what a matcher takes for images of `shape`, (H, W) or (H, W, 3), beside the images."""
+def needed_bytes(
+    shape: tuple[int, ...], parameters: MatcherParameters, threads: int, is_aligned: bool = False
+) -> int:
+    """About what a matcher takes for images of `shape`, (H, W) or (H, W, 3), beside the images. is_aligned: whether the
+    rows of the right one are aligned."""
     pixels, channels = shape[0] * shape[1], 1 if len(shape) == 2 else shape[2]
-    common = pixels * (_PIXEL + _CHANNEL * channels)
+    common = pixels * (_PIXEL + _CHANNEL * channels + _ALIGNMENT * is_aligned)
     if is_exact(parameters):
         return common + exact_bytes(pixels, parameters, threads)
     lanes = width_of(lanes_for(parameters.num_disparities))
@@ -55,12 +61,14 @@ def needed_bytes(shape: tuple[int, ...], parameters: MatcherParameters, threads:
     return common + volumes + threads * scratch
 
 
-def check_memory(shape: tuple[int, ...], parameters: MatcherParameters, threads: int, held: int = 0) -> int:
+def check_memory(
+    shape: tuple[int, ...], parameters: MatcherParameters, threads: int, is_aligned: bool, held: int = 0
+) -> int:
     """`needed_bytes`. held: what the last pair took, which is given back first.
 
     Raises NotEnoughMemoryError where that is more than is free.
     """
-    needed, free = needed_bytes(shape, parameters, threads), free_memory()
+    needed, free = needed_bytes(shape, parameters, threads, is_aligned), free_memory()
     if free is not None and needed > free + held:
         raise NotEnoughMemoryError(
             f'{shape[1]}x{shape[0]} px with {parameters.num_disparities} disparities need about '

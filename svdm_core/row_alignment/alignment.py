@@ -70,8 +70,9 @@ class RowAlignment:
 
     def offsets(self, x: ArrayLike, y: ArrayLike) -> Float64:
         """dy, px, at columns x of the right image and rows y; of the shape that x and y have together."""
-        columns, rows = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-        return np.asarray(terms(columns, rows, (self.height, self.width)) @ np.array(self.coefficients))
+        u, v = _scaled(np.asarray(x, np.float64), np.asarray(y, np.float64), (self.height, self.width))
+        c, cu, cv, cuv, cvv, cuu = self.coefficients
+        return np.asarray((c + cv * v + cvv * v * v) + u * (cu + cuu * u + cuv * v))
 
     def places(self) -> dict[str, float]:
         """dy, px, at the centre and in the four corners of the image."""
@@ -155,9 +156,14 @@ NO_POINTS = RowPoints(*(np.zeros(0) for _ in range(3)))
 
 def terms(x: NDArray[Any], y: NDArray[Any], shape: tuple[int, ...]) -> Float64:
     """TERMS at places of images of `shape`, along a new last axis."""
-    half_height, half_width = shape[0] / 2, shape[1] / 2
-    u, v = (x - half_width) / half_width, (y - half_height) / half_height
+    u, v = _scaled(x, y, shape)
     return np.stack([np.ones_like(u), u, v, u * v, v * v, u * u], -1)
+
+
+def _scaled(x: NDArray[Any], y: NDArray[Any], shape: tuple[int, ...]) -> tuple[Float64, Float64]:
+    """u and v, about -1 .. 1, of columns x and rows y."""
+    half_height, half_width = shape[0] / 2, shape[1] / 2
+    return (x - half_width) / half_width, (y - half_height) / half_height
 
 
 def pixel_grid(height: int, width: int) -> tuple[Float64, Float64]:

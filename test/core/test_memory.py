@@ -29,6 +29,21 @@ def test_what_a_pair_takes_is_known_before(preset, shape):
     assert 0.95 * taken <= needed_bytes(shape, matcher.parameters, 2) <= 2.0 * taken
 
 
+@pytest.mark.parametrize('dtype', [np.uint8, np.uint16])
+@pytest.mark.parametrize('shape', [(480, 640), (480, 640, 3)])
+def test_what_an_alignment_takes_is_known_before(shape, dtype):
+    right, rows = noise(*shape, dtype=dtype), RowAlignment((0.5, 0.1, 0.1, 0.1, 0.1, 0.1), 640, 480)
+    parameters = load_preset('fast')
+    tracemalloc.start()
+    try:
+        kept = rows.apply(right)
+        taken = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    known = needed_bytes(shape, parameters, 1, is_aligned=True) - needed_bytes(shape, parameters, 1)
+    assert kept.shape == shape and 0.95 * taken <= known <= 2.0 * taken
+
+
 def test_a_pair_that_does_not_fit_is_refused_before_anything_is_allocated(monkeypatch):
     left = np.zeros((1536, 2048), np.uint8)
     matcher = StereoMatcher(load_preset('paper').replace(num_disparities=1024), 2)
