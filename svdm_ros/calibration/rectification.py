@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -137,7 +138,9 @@ def calibration_of(info: CameraInfo, width: int, height: int) -> Calibration:
 
 
 def _floats(values: object) -> tuple[float, ...]:
-    return tuple(np.asarray(values, np.float64).ravel().tolist())
+    """Those that are not a number are one and the same object, which tuples take for equal."""
+    numbers: list[float] = np.asarray(values, np.float64).ravel().tolist()
+    return tuple(math.nan if math.isnan(number) else number for number in numbers)
 
 
 # What is refused

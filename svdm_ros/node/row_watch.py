@@ -40,7 +40,8 @@ class _Watched:
     @property
     def is_tracking(self) -> bool:
         """Whether the tracker is to see more pairs."""
-        return self.mode == 'track' or (self.mode == 'once' and (self.rows is None or self.looks < LOOKS))
+        return self.mode == 'track' or (
+            self.mode == 'once' and (self.tracker.alignment is None or self.looks < LOOKS))
 
 
 class _Look(NamedTuple):

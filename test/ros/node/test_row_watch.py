@@ -35,6 +35,11 @@ def info(side, focal_length=FOCAL_LENGTH):
     return CameraInfo(width=WIDTH, height=HEIGHT, p=[float(value) for value in p])
 
 
+def with_distortion(camera_info, d):
+    camera_info.d = d
+    return camera_info
+
+
 class Bench:
     """A watch at work, pairs a second apart, and what it says."""
 
@@ -43,12 +48,12 @@ class Bench:
         self.watch = RowWatch(LogLines(self.lines), self.errors.append)
         self.watch.start()
         self.parameters = PARAMETERS.replace({'align_rows': mode})
-        self.now, self._preparation = 0.0, FramePreparation()
+        self.now, self._preparation, self.info = 0.0, FramePreparation(), info
 
     def frame(self, left, right, focal_length=FOCAL_LENGTH):
         self.now += 1
-        return StereoFrame(image_message(left), image_message(right), info('left', focal_length),
-                           info('right', focal_length), self.now)
+        return StereoFrame(image_message(left), image_message(right), self.info('left', focal_length),
+                           self.info('right', focal_length), self.now)
 
     def show(self, left, right, focal_length=FOCAL_LENGTH):
         """By what the rows of this pair are aligned, before it is measured; then wait until it is."""
@@ -131,6 +136,26 @@ def test_once_is_kept_where_track_goes_on(bench):
         found[mode] = first, made.show(*later[0])
     assert found['once'][0] is found['once'][1] and difference(found['once'][1], FIELD) < 0.1
     assert difference(found['track'][1], moved) < 0.1
+
+
+def test_once_ends_where_rows_have_come_to_be_aligned_meanwhile(bench):
+    made = bench('once')
+    while made.show(*OFF[0]) is None:
+        assert made.now < LOOKS
+    while made.show(*EVEN[int(made.now) % 3]) is not None:
+        assert made.now < 2 * LOOKS
+    for k in range(2 * LOOKS):
+        made.show(*EVEN[k % 3])
+    for k in range(2 * LOOKS):
+        assert made.show(*OFF[k % 3]) is None
+
+
+def test_numbers_of_a_calibration_that_are_none_do_not_begin_it_anew(bench):
+    made = bench()
+    made.info = lambda *arguments: with_distortion(info(*arguments), [math.nan] * 5)
+    for k in range(3):
+        made.show(*OFF[k])
+    assert difference(made.show(*OFF[0]), FIELD) < 0.1
 
 
 def test_off_aligns_nothing_but_rows_that_do_not_correspond_are_told(bench):
