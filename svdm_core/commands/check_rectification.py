@@ -53,14 +53,19 @@ def run(options: argparse.Namespace) -> int:
     for note in (note for camera in cameras for note in camera.notes):
         print(note)
     _print_table(reports)
-    contents = {}
+    contents, told = {}, []
     if options.output:
         [report] = reports.values()
-        contents[options.output] = _alignment(report, options.output).as_yaml().encode()
+        rows = _alignment(report, options.output)
+        contents[options.output] = rows.as_yaml().encode()
+        told.append(f'{options.output}: ' + ('corrects nothing' if rows.is_identity else rows.line()))
     if options.plot:
         from ..row_alignment.plot import plot_reports
         contents[options.plot] = plot_reports(reports)
+        told.append(f'{options.plot}: offsets and field')
     write_outputs(contents, options.force)
+    for text in told:
+        print(text)
     return 0
 
 

@@ -14,7 +14,7 @@ from ..files.output_files import check_outputs, write_outputs
 from ..kernels.arrays import Image
 from ..matcher import StereoMatcher
 from ..parameters import MatcherParameters
-from ..row_alignment.alignment import RowAlignment
+from ..row_alignment.alignment import NOTHING_TO_CORRECT, RowAlignment
 from ..row_alignment.estimation import estimate_row_alignment
 from .argument_types import FROM_THE_PAIRS, alignment_file
 from .options import add_parameter_options, add_threads_option, parameters_of
@@ -58,6 +58,8 @@ def run(options: argparse.Namespace) -> int:
     low, high = shown_range(disparity)
     picture = colour_map(disparity, low, high, DISPARITY_COLOURS, unknown=(0, 0, 0))
     write_outputs({output: encode_disparity(disparity, output), preview: encode_png(picture)}, options.force)
+    if options.align_rows is not None:
+        print(_alignment_line(options.align_rows, rows))
     print(f'{output}: {disparity.shape[1]} x {disparity.shape[0]} px, {100 * result.valid.mean():.1f} % are valid')
     print(f'{preview}: {low:g} px blue to {high:g} px red')
     return 0
@@ -66,15 +68,16 @@ def run(options: argparse.Namespace) -> int:
 def _row_alignment(
     source: Path | None, left: Image, right: Image, parameters: MatcherParameters
 ) -> RowAlignment | None:
-    """From a file, or of this pair, which is said."""
-    if source is None:
+    """From a file, or of this pair; None where there is none."""
+    if source is None or (source == FROM_THE_PAIRS and left.shape != right.shape):  # which the matcher refuses
         return None
     if source != FROM_THE_PAIRS:
         return RowAlignment.load(source)
-    if left.shape != right.shape:  # which the matcher refuses
-        return None
-    rows = estimate_row_alignment((left, right), parameters.min_disparity, parameters.num_disparities)
-    print('rows: nothing significant to correct' if rows is None else
-          f'rows aligned: rms of the vertical offsets {rows.residual_before:.2f} to {rows.residual_after:.2f} px, '
-          f'{rows.points} points')
-    return rows
+    return estimate_row_alignment((left, right), parameters.min_disparity, parameters.num_disparities)
+
+
+def _alignment_line(source: Path, rows: RowAlignment | None) -> str:
+    if rows is None:
+        return f'rows: {NOTHING_TO_CORRECT} (svdm check-rectification says which)'
+    by = '' if source == FROM_THE_PAIRS else f' by {source}'
+    return f'rows aligned{by}: {rows.line()}'

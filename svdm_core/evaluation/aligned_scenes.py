@@ -5,7 +5,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ..row_alignment.alignment import RowAlignment
+from ..row_alignment.alignment import NOTHING_TO_CORRECT, RowAlignment
 from ..row_alignment.estimation import estimate_row_alignment
 from .datasets import StereoScene
 
@@ -40,5 +40,5 @@ def alignment_line(found: Mapping[str, Any]) -> str:
     if told:
         parts.append(f' (rms of the vertical offsets, px: {", ".join(told)})')
     if left:
-        parts.append(f'; as they are, nothing significant to correct: {", ".join(left)}')
+        parts.append(f'; as they are, {NOTHING_TO_CORRECT}: {", ".join(left)}')
     return ''.join(parts)

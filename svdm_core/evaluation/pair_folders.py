@@ -45,19 +45,22 @@ class CameraPairs:
 
     def read(self, most: int) -> Iterator[tuple[Image, Image]]:
         """Up to `most` pairs, evenly over all. ValueError names a file that cannot be read."""
-        step = -(-len(self.files) // most)
-        for left, right in self.files[::step]:
+        count = min(most, len(self.files))
+        for number in range(count):
+            left, right = self.files[number * len(self.files) // count]
             yield read_image(left, _AS_IT_IS), read_image(right, _AS_IT_IS)
 
 
 def find_pairs(places: Sequence[Path]) -> list[CameraPairs]:
     """The pairs of two image files, of a folder with a folder of images for each camera, or of scenes with im0.png and
     im1.png, each of which is of cameras of its own. ValueError where there is none, naming what was looked for."""
-    if len(places) == 2:
-        return [CameraPairs(places[0].name, [(places[0], places[1])])]
-    if len(places) != 1 or not places[0].is_dir():
-        raise ValueError(f'{places[0]}: there is no such folder; give a folder, or a left and a right image')
-    folder = places[0]
+    folder, *others = places
+    if len(others) == 1:
+        return [CameraPairs(folder.name, [(folder, others[0])])]
+    if others or not folder.is_dir():
+        what = f'{len(places)} places' if others else f'{folder}: ' + (
+            'one file alone' if folder.exists() else 'there is no such file or folder')
+        raise ValueError(f'{what}: give a folder of images, a recording, or a left and a right image')
     for left, right in _SIDES:
         if (folder / left).is_dir() and (folder / right).is_dir():
             return [CameraPairs(folder.resolve().name, _same_names(folder / left, folder / right))]

@@ -18,6 +18,8 @@ from .resampling import RowMap, resampled, row_map
 
 TERMS = ('1', 'u', 'v', 'uv', 'v^2', 'u^2')
 """Of the field, in the order of the coefficients."""
+NOTHING_TO_CORRECT = 'nothing significant to correct, or too few points to tell'
+"""What is said where there is no alignment; `report` tells which of the two."""
 LARGEST_COEFFICIENT = 100.0
 """px; far beyond what a pair called rectified can have."""
 LARGEST_SIDE = 32766

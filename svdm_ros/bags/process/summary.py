@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from svdm_core import RowAlignment
+from svdm_core.row_alignment.alignment import NOTHING_TO_CORRECT
 from svdm_core.shown import shown
 
 from ..reading.pair_stream import PairingCounts
@@ -162,7 +163,7 @@ class Summary:
             yield (f'  unpaired: {pairing.unpaired["left"]} of {pairing.images["left"]} left, '
                    f'{pairing.unpaired["right"]} of {pairing.images["right"]} right images: {self._unpaired_reason()}')
         if (rows := progress.row_alignment) is not None:
-            yield '  rows: nothing significant to correct' if rows.is_identity else f'  rows aligned: {rows.line()}'
+            yield f'  rows: {NOTHING_TO_CORRECT}' if rows.is_identity else f'  rows aligned: {rows.line()}'
         for reason, count in sorted(progress.dropped.items()):
             yield f'  {count} without disparity, the first: {progress.reasons[reason]}'
         for note, count in sorted(progress.notes.items()):

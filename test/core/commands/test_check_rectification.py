@@ -38,6 +38,7 @@ def test_a_drive_is_pooled_and_its_alignment_and_plot_are_written(drive, tmp_pat
     told = capsys.readouterr().out
     assert 'slightly off: align the rows' in told and 'drive' in told
     rows = RowAlignment.load(tmp_path / 'rows.yaml')
+    assert f'rows.yaml: {rows.line()}' in told and 'rows.png: offsets and field' in told
     np.testing.assert_allclose(rows.coefficients, FIELD.coefficients, atol=0.08)
     assert rows.points > 500
     assert cv2.imread(str(tmp_path / 'rows.png')).shape[1] == 1100
@@ -64,15 +65,17 @@ def test_scenes_have_cameras_of_their_own(tmp_path, capsys):
     assert check(tmp_path / 'data', '-o', tmp_path / 'a.yaml') == 2
     assert '2 scenes have cameras of their own' in capsys.readouterr().err and files_of(tmp_path) == before
     assert check(tmp_path / 'data' / 'Attic', '-o', tmp_path / 'a.yaml') == 0
+    assert 'a.yaml: corrects nothing' in capsys.readouterr().out
     assert RowAlignment.load(tmp_path / 'a.yaml').is_identity
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
-    (['nowhere'], 'nowhere: there is no such folder; give a folder, or a left and a right image'),
+    (['nowhere'], 'nowhere: there is no such file or folder: give a folder of images, a recording, or a left and a '),
+    (['black.png'], 'black.png: one file alone: give a folder of images, a recording, or a left and a right image'),
     (['empty'], 'no pairs in it; expected folders left and right, image_0'), (['halves'], 'no image has the same name'),
     (['drive', '-o', 'a.txt'], "a.txt: the suffix '.txt' is not allowed: it must be .yaml"),
     (['drive', '--plot', 'a.jpg'], "the suffix '.jpg' is not allowed: it must be .png"),
-    (['drive', 'drive', 'drive'], 'give a folder, or a left and a right image'),
+    (['drive', 'drive', 'drive'], '3 places: give a folder of images, a recording, or a left and a right image'),
     (['black.png', 'small.png'], 'images of 30 x 40 and 31 x 40 px'),
     (['black.png', 'black.png', '-o', 'a.yaml'], 'a.yaml is not written, unknown: too few points')])
 def test_what_is_wrong_is_said_in_one_line(drive, tmp_path, monkeypatch, capsys, arguments, words):

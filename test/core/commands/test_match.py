@@ -187,10 +187,11 @@ def test_rows_are_aligned_by_what_the_pair_shows_or_by_a_file(misaligned, tmp_pa
     assert cli.main([*arguments, '--align-rows']) == 0
     rows = estimate_row_alignment((left, right), 0, 24)
     np.testing.assert_array_equal(np.load(tmp_path / 'a.npy'), matcher.compute(left, right, rows).disparity)
-    assert f'{rows.residual_before:.2f} to {rows.residual_after:.2f} px' in capsys.readouterr().out
+    assert f'rows aligned: {rows.line()}' in capsys.readouterr().out
     ROWS.save(tmp_path / 'rows.yaml')
     assert cli.main([*arguments, '--align-rows', str(tmp_path / 'rows.yaml'), '--force']) == 0
     np.testing.assert_array_equal(np.load(tmp_path / 'a.npy'), matcher.compute(left, right, ROWS).disparity)
+    assert f'rows aligned by {tmp_path / "rows.yaml"}: {ROWS.line()}' in capsys.readouterr().out
 
 
 def test_aligned_rows_are_said_to_be(tmp_path, capsys):
@@ -206,8 +207,8 @@ def test_an_alignment_that_does_not_fit_is_refused_in_one_line(pair, tmp_path, c
     for name, words in (('rows.yaml', 'cannot be aligned by a row alignment for 280 x 200 px'),
                         ('bad.yaml', 'bad.yaml: no row alignment'), ('none.yaml', 'there is no such file')):
         assert match(pair, '-o', tmp_path / 'a.pfm', '--align-rows', tmp_path / name) == 2
-        error = capsys.readouterr().err
-        assert words in error and len(error.splitlines()) == 1
+        out, error = capsys.readouterr()
+        assert words in error and len(error.splitlines()) == 1 and out == ''
     assert not (tmp_path / 'a.pfm').exists()
     with pytest.raises(SystemExit):
         cli.main(['match', '--align-rows', *pair])

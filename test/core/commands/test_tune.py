@@ -13,6 +13,7 @@ from tuning_scenes import real_scenes, run, write_scene, write_scenes
 
 from svdm_core import MatcherParameters, StereoMatcher, load_preset, parameter_table
 from svdm_core.evaluation.paper import PAPER_STUDY
+from svdm_core.row_alignment.alignment import NOTHING_TO_CORRECT
 from svdm_core.tuning import optimization
 from svdm_core.tuning.optimization import FIGURES
 
@@ -193,6 +194,6 @@ def test_the_papers_study_on_the_papers_images(tmp_path, capsys):
 def test_rows_are_aligned_first_and_that_is_told(folder, tmp_path, capsys):
     run(folder, '--vary', 'alpha=5', '--scenes', 'Attic', '--threads', 1, '--align-rows', '--json', tmp_path / 'a.json',
         '--html', tmp_path / 'a.html')
-    told = 'rows aligned in 0 of 1 scenes; as they are, nothing significant to correct: Attic'
+    told = f'rows aligned in 0 of 1 scenes; as they are, {NOTHING_TO_CORRECT}: Attic'
     assert told in capsys.readouterr().out and told in (tmp_path / 'a.html').read_text()
     assert json.loads((tmp_path / 'a.json').read_text())['row_alignment'] == {'Attic': None}

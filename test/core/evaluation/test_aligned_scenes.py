@@ -25,4 +25,4 @@ def test_the_right_image_alone_is_resampled():
     assert document == {'Attic': rows.as_dict(), 'Barn': None}
     assert alignment_line(document) == (
         f'rows aligned in 1 of 2 scenes (rms of the vertical offsets, px: Attic {rows.residual_before:.2f} to '
-        f'{rows.residual_after:.2f}); as they are, nothing significant to correct: Barn')
+        f'{rows.residual_after:.2f}); as they are, nothing significant to correct, or too few points to tell: Barn')
