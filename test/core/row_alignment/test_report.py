@@ -48,11 +48,16 @@ def test_no_pair_is_refused():
         check_rectification([], *SEARCH)
 
 
-def test_the_plot_is_a_picture_also_without_points():
+def test_the_plot_has_a_row_of_its_images_shape_for_each_report_also_without_points():
     pytest.importorskip('matplotlib')
     from svdm_core.row_alignment.plot import plot_reports
 
-    reports = {'off': check_rectification(off(0.2, 0, 0, 0.5, 0, 0), *SEARCH),
-               'nothing': check_rectification((np.zeros((9, 9), np.uint8),) * 2, *SEARCH)}
-    picture = cv2.imdecode(np.frombuffer(plot_reports(reports), np.uint8), cv2.IMREAD_COLOR)
-    assert picture.shape == (680, 1100, 3) and len(np.unique(picture)) > 20
+    def plot(**reports):
+        picture = cv2.imdecode(np.frombuffer(plot_reports(reports), np.uint8), cv2.IMREAD_COLOR)
+        assert picture.shape[1] == 1100 and len(np.unique(picture)) > 20
+        return picture.shape[0]
+
+    wide = check_rectification(off(0.2, 0, 0, 0.5, 0, 0), *SEARCH)
+    square = check_rectification((np.zeros((9, 9), np.uint8),) * 2, *SEARCH)
+    tall = check_rectification((np.zeros((90, 30), np.uint8),) * 2, *SEARCH)
+    assert plot(wide=wide) < plot(square=square) < plot(tall=tall) < plot(square=square, tall=tall)
