@@ -51,7 +51,7 @@ class MatchedFrame:
         return smallest - offset, smallest + np.float32(matcher.num_disparities - 1) - offset
 
     @property
-    def checked_share(self) -> float:
+    def valid_share(self) -> float:
         """Share of the pixels that are valid, 0 .. 1."""
         return int(np.count_nonzero(self.valid)) / self.valid.size
 

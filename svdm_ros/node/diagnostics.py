@@ -54,8 +54,8 @@ def diagnostic_array(
 def _shares(shares: tuple[PixelShares, ...]) -> dict[str, str]:
     if not shares:
         return {}
-    checked, confident = (statistics.fmean(values) for values in zip(*shares, strict=True))
-    return {'left-right check passed (%)': f'{100 * checked:.0f}',
+    valid, confident = (statistics.fmean(values) for values in zip(*shares, strict=True))
+    return {'valid pixels (%)': f'{100 * valid:.0f}',
             'confidence above confidence_threshold (%)': f'{100 * confident:.0f}'}
 
 

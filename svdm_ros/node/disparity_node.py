@@ -237,7 +237,7 @@ class DisparityNode(Node):
         for shortfall in (
             *self._lost.check(now, self._pairing.tolerance_ns),
             self._behind.check(now, counts.timings.get('total', 0.0), counting),
-            self._failed.check([shares.checked for shares in counts.shares], parameters.matcher.tau_lr),
+            self._failed.check([shares.valid for shares in counts.shares], parameters.matcher.tau_lr),
         ):
             self._log.last(shortfall.line, shortfall.over)
 

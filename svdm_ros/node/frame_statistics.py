@@ -13,10 +13,10 @@ _SHARES_KEPT = 30
 
 
 class PixelShares(NamedTuple):
-    """Of one frame, 0 .. 1. checked: of pixels that passed the left-right check and are unique. confident: of those
+    """Of one frame, 0 .. 1. valid: of pixels that passed the left-right check and are unique. confident: of those
     whose confidence reaches confidence_threshold."""
 
-    checked: float
+    valid: float
     confident: float
 
 

@@ -93,7 +93,7 @@ class Matching:
         finally:
             self._say_compiled()
         self._publish(done.frame)
-        shares = PixelShares(done.frame.checked_share, done.frame.confident_share)
+        shares = PixelShares(done.frame.valid_share, done.frame.confident_share)
         self._statistics.count_published(time.monotonic() - frame.arrived, done.timings, shares)
         self._tell(done, None in (frame.left_info, frame.right_info))
 

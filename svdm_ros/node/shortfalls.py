@@ -20,7 +20,7 @@ _SECONDS_BEHIND = 20
 _FEWEST = 20
 """Images or pairs in that time that say something."""
 _FEWEST_CHECKED = 30
-"""Pairs, for the share of pixels that pass the left-right check."""
+"""Pairs, for the share of valid pixels."""
 _TRANSPORT = ('give the process that publishes them the Fast DDS profile config/fastdds.xml (docs/node.md), or start '
               'this node with -p qos_overrides.{topic}.subscription.reliability:=reliable')
 
@@ -131,9 +131,9 @@ class FallingBehind:
 
 
 class FailedMatches:
-    """Pairs of which few pixels pass the left-right check.
+    """Pairs of which few pixels are valid: passed the left-right check and unique.
 
-    Real pairs of Middlebury and KITTI have 65 to 87 % that do and are unique, with left and right swapped 12 to 30 %,
+    Real pairs of Middlebury and KITTI have 65 to 87 % of them, with left and right swapped 12 to 30 %,
     with a quarter of the search range 32 to 60 %, five rows apart 19 to 54 %, unrelated noise 4 to 14 %.
     """
 
@@ -141,13 +141,13 @@ class FailedMatches:
         self._failed = _Lasting(0.55, 0.5)
 
     def check(self, shares: Sequence[float], tau_lr: float) -> Shortfall:
-        """shares: of pixels that passed, 0 .. 1, of the last pairs. tau_lr: the parameter, px; below 1 nothing is said.
+        """shares: of valid pixels, 0 .. 1, of the last pairs. tau_lr: the parameter, px; below 1 nothing is said.
         """
         judged = len(shares) >= _FEWEST_CHECKED and tau_lr >= 1
         share = statistics.median(shares) if judged else 1.0
         text = ''
         if self._failed.update(1 - share):
-            text = (f'only {share:.0%} of the pixels pass the left-right check (60 to 90 % are usual): look whether '
+            text = (f'only {share:.0%} of the pixels are valid (60 to 90 % are usual): look whether '
                     'left and right are swapped, the images are rectified, the search range holds what is seen '
                     '(min_disparity, num_disparities), and the lenses are free')
-        return Shortfall(Line('left-right check', text), 'most pixels pass the left-right check again')
+        return Shortfall(Line('left-right check', text), 'most pixels are valid again')

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import matplotlib.image
 import numpy as np
@@ -248,7 +249,7 @@ def test_demo_interrupted_leaves_no_process(tmp_path):
 class InterruptedAtStart(Child):
     """Ctrl-C in the moment in which the process is there, and nobody knows of it yet."""
 
-    started = []  # noqa: RUF012 (seen from outside)
+    started: ClassVar = []
 
     def __init__(self, *arguments):
         super().__init__(*arguments)

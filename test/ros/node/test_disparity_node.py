@@ -217,12 +217,12 @@ def test_a_bad_pair_is_told_and_the_next_one_answered(client, told):
 def test_pairs_that_do_not_match_are_told_once_and_when_they_do_again(node, client):
     left, right = dots()
     for _ in range(2):
-        client.wait_for_trouble('of the pixels pass the left-right check', each=lambda: client.exchange(right, left))
-    assert float(client.diagnostics[-1]['left-right check passed (%)']) < 40
+        client.wait_for_trouble('of the pixels are valid', each=lambda: client.exchange(right, left))
+    assert float(client.diagnostics[-1]['valid pixels (%)']) < 40
     assert float(client.diagnostics[-1]['confidence above confidence_threshold (%)']) < 10
-    client.spin_until(lambda: 'most pixels pass the left-right check again' in node.log, 'the end of it',
+    client.spin_until(lambda: 'most pixels are valid again' in node.log, 'the end of it',
                       each=lambda: client.exchange(left, right))
-    assert node.log.count('of the pixels pass the left-right check') == 1
+    assert node.log.count('of the pixels are valid') == 1
 
 
 def test_a_camera_info_of_the_images_own_stamp_is_taken_before_a_later_one(client):

@@ -97,7 +97,7 @@ def test_a_node_that_keeps_up_or_is_to_leave_some_out_is_not_behind(share, count
 def test_a_low_share_is_told_once_there_are_enough_pairs():
     assert FailedMatches().check([0.3] * 29, 1.0).line.text == ''
     text = FailedMatches().check([0.3] * 30, 1.0).line.text
-    assert text.startswith('only 30% of the pixels pass the left-right check') and 'swapped' in text
+    assert text.startswith('only 30% of the pixels are valid') and 'swapped' in text
 
 
 @pytest.mark.parametrize(('shares', 'tau_lr'), [([0.6] * 30, 1.0), ([0.9] * 20 + [0.1] * 10, 1.0), ([0.2] * 30, 0.5)])

@@ -137,7 +137,7 @@ def test_diagnostics_tell_counts_rate_latency_and_trouble():
     assert (values['state'], values['features']) == ('ready', '45')
     assert (values['published'], values['dropped: unreadable'], values['total (ms)']) == ('100', '1', '20.0')
     assert (values['latency p50 (ms)'], values['latency p95 (ms)']) == ('51.0', '96.0')
-    assert (values['left-right check passed (%)'], values['confidence above confidence_threshold (%)']) == ('80', '90')
+    assert (values['valid pixels (%)'], values['confidence above confidence_threshold (%)']) == ('80', '90')
     troubled = diagnostic_array('/node', stamp, counts, 0.0, ready=True, trouble='no images').status[0]
     assert (troubled.level, troubled.message) == (DiagnosticStatus.WARN, 'no images')
     (compiling,) = diagnostic_array('/node', stamp, counts, 0.0, ready=False, trouble='no images').status
