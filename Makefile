@@ -1,6 +1,6 @@
 # Needs Python 3.12 with pip (or uv), make and git; everything else is set up below this folder, once.
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint kernels soak pins clean
+.PHONY: help demo tuner test lint kernels soak pins clean
 
 export UV_PYTHON_DOWNLOADS := never
 export PIP_ROOT_USER_ACTION := ignore
@@ -37,6 +37,9 @@ help:  ## this list
 
 demo: $(READY)  ## the node at work on a real stereo pair; results in demo_output/
 	@"$(PYTHON)" -m svdm_ros.demo $(ARGS)
+
+tuner: $(READY)  ## sliders in the browser, on the demo pair (ARGS='BAG' or ARGS='LEFT RIGHT' for yours)
+	@"$(PYTHON)" -m svdm_ros.tuner $(or $(ARGS),--demo)
 
 # Three processes on two cores, as half of the time of a test of the node is waiting; a file of tests at a time in each.
 # -n 0 in ARGS for one process, whose output -s shows.

@@ -17,7 +17,7 @@ setup(
     license=manifest.findtext('license'),
     python_requires='>=3.12',
     packages=find_packages(include=['svdm_core', 'svdm_core.*', 'svdm_ros', 'svdm_ros.*']),
-    package_data={'svdm_core': ['*/templates/*.jinja']},
+    package_data={'svdm_core': ['*/templates/*.jinja'], 'svdm_ros': ['tuner/*.css']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
@@ -31,6 +31,7 @@ setup(
         'bags': ['rosbags>=0.11.9,<0.12', 'rich'],
         'cluster': ['rosbags>=0.11.9,<0.12', 'rich', 'dask', 'distributed'],
         'tune': ['optuna', 'rich', 'jinja2', 'matplotlib'],
+        'tuner': ['nicegui'],
     },
     zip_safe=False,
     entry_points={
@@ -39,6 +40,7 @@ setup(
             'process_bag = svdm_ros.bags.process_bag:main',
             'play_bag = svdm_ros.bags.play_bag:main',
             'images_to_bag = svdm_ros.bags.images_to_bag:main',
+            'tuner = svdm_ros.tuner.__main__:main',
             'svdm = svdm_core.__main__:main',
             'svdm_demo = svdm_ros.demo.__main__:main',
         ],

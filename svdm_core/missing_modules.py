@@ -25,7 +25,7 @@ _PACKAGES = {
     'matplotlib': _Package('matplotlib', 'python3-matplotlib'), 'jinja2': _Package('jinja2', 'python3-jinja2'),
     'skimage': _Package('scikit-image', 'python3-skimage'), 'optuna': _Package('optuna'),
     'rosbags': _Package('rosbags>=0.11.9,<0.12'), 'dask': _Package('dask', 'python3-dask'),
-    'distributed': _Package('distributed', 'python3-distributed'),
+    'distributed': _Package('distributed', 'python3-distributed'), 'nicegui': _Package('nicegui'),
 }
 """By the name that is imported."""
 _ROS = ('rclpy', 'rcl_interfaces', 'rosgraph_msgs', 'builtin_interfaces', 'std_msgs', 'sensor_msgs', 'stereo_msgs',

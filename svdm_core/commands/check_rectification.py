@@ -3,11 +3,11 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
-from ..evaluation.pair_folders import PairSource, find_pairs
-from ..evaluation.recordings import is_recording, recorded_pairs
+from ..evaluation.pair_folders import PairSource
+from ..evaluation.recordings import pair_sources
 from ..files.output_files import check_outputs, write_outputs
 from ..missing_modules import not_installed
 from ..parameters import parameter_info
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check, print a table, write what was asked for; 0. ValueError, OSError or ImportError with one line."""
     _check_files(options)
-    cameras = _cameras(options)
+    cameras = pair_sources(options.places, (options.left, options.right), options.calib)
     if options.output and len(cameras) > 1:
         raise ValueError(f'{options.output}: {len(cameras)} scenes have cameras of their own: give one of them')
     if options.plot and importlib.util.find_spec('matplotlib') is None:
@@ -67,15 +67,6 @@ def run(options: argparse.Namespace) -> int:
     for text in told:
         print(text)
     return 0
-
-
-def _cameras(options: argparse.Namespace) -> Sequence[PairSource]:
-    place, topics = options.places[0], (options.left, options.right)
-    if len(options.places) == 1 and place.exists() and is_recording(place):
-        return [recorded_pairs(place, topics, options.calib)]
-    if any(topics) or options.calib:
-        raise ValueError(f'{place}: it is no recording, for which --left, --right and --calib are')
-    return find_pairs(options.places)
 
 
 def _min_disparity(text: str) -> int:

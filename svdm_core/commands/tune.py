@@ -1,44 +1,52 @@
-"""`svdm tune`: find parameters on images with ground truth, one at a time or jointly."""
+"""`svdm tune`: find parameters, on images with ground truth or without, one at a time or by a search."""
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib.util
 import json
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..evaluation.aligned_scenes import SceneAligner, alignment_line
-from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
+from ..evaluation.aligned_scenes import alignment_line
+from ..evaluation.scene_sets import RESOLUTIONS
 from ..files.output_files import check_outputs, write_outputs
 from ..missing_modules import not_installed
 from ..presets import preset_text
-from ..tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
-from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
-from ..tuning.store import FigureStore
+from ..tuning.judges import TruthJudge
 from .argument_types import count
-from .options import add_align_rows_option, add_parameter_options, add_threads_option, parameters_of, parse_changes
+from .options import add_align_rows_option, add_parameter_options, add_threads_option
+from .tune_studies import UNSUPERVISED, made_proof, made_study
 
 if TYPE_CHECKING:
     from ..tuning import report  # needs rich
 
-_EPILOG = '''Without --search the parameters are varied one after the other, each from the best so far. A parameter may
-be given twice, coarse and then fine. --study paper starts from preset paper_start.'''
+_EPILOG = '''Without --search the parameters of --vary are varied one after the other, each from the best so far. A
+parameter may be given twice, coarse and then fine. --study paper starts from preset paper_start. --search without
+--vary tries the steps next to what is there, of one parameter after the other, and so does --objective unsupervised,
+which needs no ground truth: it takes a recording, a folder with folders left and right, or a folder of scenes.'''
+_PROOF_SETS = 60
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.epilog = _EPILOG
-    parser.add_argument('folder', type=Path, metavar='FOLDER', help='scenes in the layout of Middlebury v3 or KITTI')
-    what = parser.add_mutually_exclusive_group(required=True)
+    parser.add_argument('folder', type=Path, metavar='FOLDER | BAG',
+                        help='scenes in the layout of Middlebury v3 or KITTI; with --objective unsupervised any pairs')
+    what = parser.add_mutually_exclusive_group()
     what.add_argument('--vary', action='append', metavar='NAME=VALUES', help='alpha=10:11:0.1 or w_p=11,21,31')
     what.add_argument('--study', choices=('paper',), help="the ranges of the paper's Tables 2 to 5, its figures beside")
-    parser.add_argument('--search', type=count, metavar='N', help='search jointly, N trials (needs optuna)')
-    parser.add_argument('--objective', choices=FIGURES, default=FIGURES[0], help='what to make small (%(default)s)')
+    what.add_argument('--importance', action='store_true', help='which parameters matter: each over its steps')
+    what.add_argument('--prove', type=count, nargs='?', const=_PROOF_SETS, metavar='N',
+                      help='how well the unsupervised loss ranks N sets that ground truth ranks, too (%(const)s)')
+    parser.add_argument('--search', type=count, metavar='N',
+                        help='search, N trials; with --vary jointly (needs optuna)')
+    figures = list(TruthJudge.headings)
+    parser.add_argument('--objective', choices=(*figures, UNSUPERVISED), default=figures[0],
+                        help='what to make small (%(default)s)')
     add_parameter_options(parser)
     parser.set_defaults(preset=None)
     parser.add_argument('--scenes', nargs='+', action='extend', default=[], metavar='NAME', help='these only')
+    _add_pair_arguments(parser)
     add_align_rows_option(parser)
     parser.add_argument('--resolution', choices=RESOLUTIONS,
                         help='of the images: quarter, half or full (Q; KITTI has F only)')
@@ -51,18 +59,50 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--force', action='store_true', help='overwrite the files written')
 
 
+def _add_pair_arguments(parser: argparse.ArgumentParser) -> None:
+    pairs = parser.add_argument_group('pairs without ground truth')
+    pairs.add_argument('--pairs', type=count, default=8, metavar='N',
+                       help='chosen, as different as they come (%(default)s)')
+    pairs.add_argument('--left', metavar='TOPIC', help='left images of a recording with several pairs')
+    pairs.add_argument('--right', metavar='TOPIC', help='right images')
+    pairs.add_argument('--calib', type=Path, action='append', metavar='FILE',
+                       help='calibration of a recording, as process_bag takes it')
+
+
 def run(options: argparse.Namespace) -> int:
     """Tune, print a table, write what was asked for; 0. ValueError, OSError or ImportError with one line."""
+    _check_wanted(options)
     _check_files(options)
-    ranges = _ranges(options)
     _check_modules(options)
-    study = _study(options, ranges)
+    texts = _proved(options) if options.prove else _tuned(options)
+    write_outputs({path: text.encode() for path, text in texts.items()}, options.force)
+    return 0
+
+
+def _proved(options: argparse.Namespace) -> dict[Path, str]:
+    """What is to be written."""
+    from ..tuning import proof_report
+
+    proof = made_proof(options, options.prove)
+    found = proof_report.document(proof)
+    proof_report.print_proof(found)
+    texts = {options.json: json.dumps(found, indent=1) + '\n'} if options.json else {}
+    if options.html:
+        texts[options.html] = proof_report.proof_page(proof, found)
+    return texts
+
+
+def _tuned(options: argparse.Namespace) -> dict[Path, str]:
+    """What is to be written."""
+    study = made_study(options)
     from ..tuning import report
 
     report.print_table(study)
     print(f'{study.evaluate.maps} maps were computed')
-    if study.row_alignment is not None:
+    if study.row_alignment:
         print(alignment_line(study.row_alignment))
+    for note in study.notes:
+        print(note)
     texts = {}
     if options.json:
         texts[options.json] = json.dumps(report.document(study), indent=1) + '\n'
@@ -71,39 +111,29 @@ def run(options: argparse.Namespace) -> int:
         texts[options.html] = page.page(study)
     if options.best:
         texts[options.best] = preset_text(study.best.parameters, _when_to_take(study))
-    write_outputs({path: text.encode() for path, text in texts.items()}, options.force)
-    return 0
+    return texts
 
 
-def _ranges(options: argparse.Namespace) -> list[ParameterRange]:
-    ranges = paper_ranges() if options.study else [parse_range(text) for text in options.vary]
-    if options.search is not None:
-        once_each(ranges)
-    return ranges
-
-
-def _study(options: argparse.Namespace, ranges: list[ParameterRange]) -> report.Study:
-    from ..tuning.report import Study
-
-    check_tunable(parse_changes(options.changes))
-    if options.preset is None:
-        options.preset = 'paper_start' if options.study else 'default'
-    parameters = parameters_of(options)
-    scene_set = find_scenes(options.folder).chosen(options.scenes)
-    factor = RESOLUTIONS[scene_set.resolution(options.resolution)]
-    aligner = SceneAligner() if options.align_rows else None
-    scenes = [read() if aligner is None else aligner.aligned(read()) for read in scene_set.readers.values()]
-    store = FigureStore(options.storage)
-    with _progress(len(scenes) * (1 + _sets(ranges, options.search))) as advance:
-        evaluate = Evaluator(scenes, factor, options.threads, store, advance)
-        start = evaluate(parameters)
-        steps, trials = [], []
-        if options.search is None:
-            steps = one_at_a_time(evaluate, start, ranges, options.objective)
-        else:
-            trials = joint_search(evaluate, start, ranges, options.search, options.objective)
-    return Study(evaluate, options.objective, start, steps, trials, [entry.name for entry in ranges],
-                 against_paper=bool(options.study), row_alignment=None if aligner is None else aligner.document())
+def _check_wanted(options: argparse.Namespace) -> None:
+    """Refuse what does not go together."""
+    unsupervised = options.objective == UNSUPERVISED
+    if not (options.vary or options.study or options.importance or options.prove or options.search or unsupervised):
+        raise ValueError('what is to be tuned? Give --vary, --study, --search, --importance, --prove or --objective '
+                         'unsupervised')
+    if options.prove and (options.search or unsupervised or options.best or options.changes or options.align_rows
+                          or options.preset or options.params):
+        raise ValueError('--prove takes scenes and makes its own sets: give it without --search, --objective, --best, '
+                         '--preset, --params, --set and --align-rows')
+    if options.importance and (options.search or options.best):
+        raise ValueError('--importance chooses nothing: give it without --search and --best')
+    if options.study and (options.search or unsupervised):
+        raise ValueError('--study paper has its own ranges and its own objective: give it without --search and '
+                         '--objective unsupervised')
+    if unsupervised and (options.scenes or options.resolution):
+        raise ValueError('--scenes and --resolution are for ground truth: --objective unsupervised takes the pairs '
+                         'that the place holds')
+    if not unsupervised and (options.left or options.right or options.calib):
+        raise ValueError('--left, --right and --calib are for a recording: give --objective unsupervised, too')
 
 
 def _check_files(options: argparse.Namespace) -> None:
@@ -119,8 +149,9 @@ def _check_files(options: argparse.Namespace) -> None:
 
 
 def _check_modules(options: argparse.Namespace) -> None:
-    needed = ['rich', *(['optuna'] if options.search is not None else []),
-              *(['jinja2', 'matplotlib'] if options.html else [])]
+    joint = options.search is not None and options.vary
+    drawn = options.html or options.prove
+    needed = ['rich', *(['optuna'] if joint else []), *(['jinja2', 'matplotlib'] if drawn else [])]
     missing = [name for name in needed if importlib.util.find_spec(name) is None]
     if missing:
         raise ImportError(not_installed(missing))
@@ -131,18 +162,3 @@ def _when_to_take(study: report.Study) -> str:
     scenes = ', '.join(names) if len(names) <= 3 else f'{len(names)} scenes, {names[0]} to {names[-1]}'
     error = f'{study.objective} {study.best.average[study.objective]:.2f}'
     return f'Take this one for images like those it was tuned on: {scenes}; {error} there.'
-
-
-def _sets(ranges: list[ParameterRange], trials: int | None) -> int:
-    return sum(len(entry.values) for entry in ranges) if trials is None else trials
-
-
-@contextlib.contextmanager
-def _progress(maps: int) -> Iterator[Callable[[], None]]:
-    """A progress bar over the maps; yields what moves it on by one."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task('matching', total=maps)
-        yield lambda: bar.advance(task)

@@ -52,6 +52,11 @@ class StereoScene:
             raise ValueError(f'{self.name}: ground truth from {known.min():g} to {known.max():g} px, not within the '
                              f'{width} px of the image: wrong byte order?')
 
+    @property
+    def min_disparity(self) -> int:
+        """px; ground truth begins at 0."""
+        return 0
+
     def grey(self) -> StereoScene:
         """The scene without colour."""
         if self.left.ndim == 2:

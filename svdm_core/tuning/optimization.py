@@ -4,22 +4,18 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..evaluation.datasets import MIDDLEBURY_WEIGHTS, StereoScene
-from ..evaluation.metrics import error_metrics, weighted_average
-from ..evaluation.streaks import streak_share
-from ..kernels.arrays import Float32
+from ..evaluation.metrics import weighted_average
+from ..matcher import DisparityResult
 from ..missing_modules import not_installed
 from ..parameters import MatcherParameters
+from .image_pair import AnyPair, fitted, pair_fingerprint
+from .judges import Judge
 from .ranges import ParameterRange, Value, once_each
 from .stage_reuse import StageReuse
-from .store import FigureStore, scene_fingerprint
-
-FIGURES = ('avgerr_nonocc', 'avgerr_all', 'bad2_nonocc', 'bad2_all', 'bad4_nonocc', 'bad4_all', 'streaks')
-"""avgerr in full-resolution px, the rest in %. Smaller is better."""
+from .store import FigureStore, sources_fingerprint
 
 _SEED = 0
 
@@ -53,74 +49,62 @@ class Step:
 
 
 class Evaluator:
-    """Matches all scenes under given parameters and judges the maps. Nothing is computed twice.
+    """Matches all pairs under given parameters and judges the maps. Nothing is computed twice.
 
     `maps` counts the maps that were computed, and not known from the store.
     """
 
     def __init__(
         self,
-        scenes: Sequence[StereoScene],
-        factor: float = 4.0,
+        scenes: Sequence[AnyPair],
+        judge: Judge,
         threads: int = 0,
         store: FigureStore | None = None,
         advance: Callable[[], None] = lambda: None,
     ) -> None:
-        """factor: full-resolution px per px of the images. advance: called after each scene.
-
-        ValueError where there is no scene.
-        """
+        """judge: of pairs of this kind. advance: called after each pair. ValueError where there is none."""
         if not scenes:
             raise ValueError('no scene to tune on')
         self.scenes = list(scenes)
+        self.judge = judge
         self.maps = 0
-        self._factor = factor
         self._advance = advance
         self._matcher = StageReuse(threads)
         self._store = store or FigureStore()
-        self._fingerprints = {scene.name: scene_fingerprint(scene) for scene in scenes}
+        self._fingerprints = {scene.name: pair_fingerprint(scene) for scene in scenes}
 
     def __call__(self, parameters: MatcherParameters) -> Evaluation:
         """Figures under `parameters`; the search range is each scene's. ValueError where a figure is not a number."""
         figures = {scene.name: self._figures(scene, parameters) for scene in self.scenes}
-        return Evaluation(parameters, weighted_average(figures, MIDDLEBURY_WEIGHTS), figures)
+        return Evaluation(parameters, weighted_average(figures, self.judge.weights), figures)
 
-    def disparity(self, scene: StereoScene, parameters: MatcherParameters) -> Float32:
-        """float32 (H, W), px."""
-        fitted = _fitted(parameters, scene)
-        return self._matcher.disparity(scene.name, scene.left, scene.right, fitted)
+    def result(self, scene: AnyPair, parameters: MatcherParameters) -> DisparityResult:
+        """What comes of one of the scenes."""
+        return self._matcher.result(scene.name, scene.left, scene.right, fitted(parameters, scene))
 
-    def _figures(self, scene: StereoScene, parameters: MatcherParameters) -> dict[str, float]:
-        fitted = _fitted(parameters, scene).as_dict()
-        basis = json.dumps([fitted, self._factor, self._fingerprints[scene.name]])
+    def check_objective(self, objective: str) -> None:
+        """ValueError where it is no figure of the judge."""
+        if objective not in self.judge.headings:
+            raise ValueError(f'objective = {objective!r} is not allowed: it must be {" | ".join(self.judge.headings)}')
+
+    def _figures(self, scene: AnyPair, parameters: MatcherParameters) -> dict[str, float]:
+        values = fitted(parameters, scene).as_dict()
+        basis = json.dumps([values, self.judge.name, self._fingerprints[scene.name], sources_fingerprint()])
         key = hashlib.sha256(basis.encode()).hexdigest()
         figures = self._store.get(key)
         if figures is None:
-            figures = judged(self.disparity(scene, parameters), scene, self._factor)
+            figures = self.judge.figures(self.result(scene, parameters), scene)
             self.maps += 1
-            self._store.put(key, figures, scene=scene.name, parameters=fitted)
+            self._store.put(key, figures, scene=scene.name, parameters=values)
         self._advance()
         return figures
-
-
-def judged(disparity: Float32, scene: StereoScene, factor: float) -> dict[str, float]:
-    """FIGURES of a disparity map (H, W). ValueError where one is not a number."""
-    nonocc = error_metrics(disparity, scene.ground_truth, scene.nonocc, factor)
-    everywhere = error_metrics(disparity, scene.ground_truth, None, factor)
-    figures = {f'{name}_{region}': values[name] for name in ('avgerr', 'bad2', 'bad4')
-               for region, values in (('nonocc', nonocc), ('all', everywhere))}
-    figures['streaks'] = streak_share(disparity, scene.left)
-    for name, value in figures.items():
-        if not math.isfinite(value):
-            raise ValueError(f'scene {scene.name}: {name} is {value}: its mask has no pixel with known ground truth')
-    return figures
 
 
 def one_at_a_time(
     evaluate: Evaluator, start: Evaluation, ranges: Sequence[ParameterRange], objective: str = 'avgerr_nonocc',
 ) -> list[Step]:
     """Vary one parameter after the other, each from the best so far: the first with the smallest figure `objective`."""
-    _check_objective(objective)
+    evaluate.check_objective(objective)
     steps: list[Step] = []
     best = start
     for entry in ranges:
@@ -145,7 +129,7 @@ def joint_search(
     running it again. (A sampler resumed from Optuna's own storage would begin its random numbers anew, and repeat
     itself.) ValueError for wrong arguments, ImportError without Optuna.
     """
-    _check_objective(objective)
+    evaluate.check_objective(objective)
     once_each(ranges)
     if trials < 1:
         raise ValueError(f'{trials} trials are not allowed: it must be 1 or more')
@@ -169,12 +153,3 @@ def _suggested(trial: Any, entry: ParameterRange) -> Value:
     if entry.numeric:
         return entry.values[int(trial.suggest_int(entry.name, 0, last))]
     return entry.values[int(trial.suggest_categorical(entry.name, list(range(last + 1))))]
-
-
-def _fitted(parameters: MatcherParameters, scene: StereoScene) -> MatcherParameters:
-    return parameters.replace(min_disparity=0, num_disparities=scene.num_disparities)
-
-
-def _check_objective(objective: str) -> None:
-    if objective not in FIGURES:
-        raise ValueError(f'objective = {objective!r} is not allowed: it must be {" | ".join(FIGURES)}')

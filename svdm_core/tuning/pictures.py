@@ -12,39 +12,34 @@ from matplotlib.figure import Figure
 from ..evaluation.paper import PaperStudyTable
 from ..evaluation.streaks import streak_mask
 from ..kernels.arrays import Float32, Image, Uint8
+from .image_pair import AnyPair
+from .importance import Importance
 from .optimization import Evaluation, Step
 
 MAP_WIDTH = 360  # px
 _RED = (40, 40, 255)
 
 
-def draw_step(step: Step, table: PaperStudyTable | None) -> bytes:
-    """A PNG of three plots over the values of a step: avgerr with the paper's, bad2 and bad4, streaks."""
+def draw_step(step: Step, plots: Sequence[tuple[str, Sequence[str]]], table: PaperStudyTable | None) -> bytes:
+    """A PNG of plots over the values of a step, each with a label and its figures; the paper's avgerr in the first."""
     numeric = step.range.numeric
     values: list[Any] = list(step.range.values) if numeric else [str(value) for value in step.range.values]
     figure = Figure(figsize=(11, 3.2), layout='constrained')
-    error, bad, streaks = figure.subplots(1, 3)
+    axes = figure.subplots(1, len(plots))
     if table is not None:
-        error.plot(values, table.nonocc, 's--', color='tab:blue', alpha=0.5, markersize=3, label='the paper, nonocc')
-        error.plot(values, table.everywhere, 's--', color='tab:red', alpha=0.5, markersize=3, label='the paper, all')
-    for ax, names, unit in ((error, ('avgerr',), 'avgerr (px)'), (bad, ('bad2', 'bad4'), 'bad pixels (%)')):
-        for name in names:
-            for region, colour in (('nonocc', 'tab:blue'), ('all', 'tab:red')):
-                ax.plot(values, _curve(step.evaluations, f'{name}_{region}'), 'o-' if name != 'bad4' else '^-',
-                        color=colour, markersize=4, label=f'{name}, {region}')
-        ax.set_ylabel(unit)
-    shares = _curve(step.evaluations, 'streaks')
-    streaks.plot(values, shares, 'o-', color='tab:green', markersize=4)
-    streaks.set(ylabel='streaks (%)', ylim=(0, 1.1 * max(shares) or 1))
-    for ax in (error, bad, streaks):
-        ax.set_xlabel(step.range.name)
+        for theirs, colour, region in ((table.nonocc, 'tab:blue', 'nonocc'), (table.everywhere, 'tab:red', 'all')):
+            axes[0].plot(values, theirs, 's--', color=colour, alpha=0.5, markersize=3, label=f'the paper, {region}')
+    for ax, (label, names) in zip(axes, plots, strict=True):
+        for number, name in enumerate(names):
+            ax.plot(values, _curve(step.evaluations, name), '^-' if number > 1 else 'o-',
+                    color=('tab:blue', 'tab:red')[number % 2], markersize=4, label=name.replace('_', ', '))
+        low, high = ax.get_ylim()
+        ax.set(xlabel=step.range.name, ylabel=label, ylim=(low, high + 0.25 * (high - low)))
         ax.grid(alpha=0.3)
         if numeric:
             ax.axvline(float(step.best_value), color='black', linewidth=0.8)
-    for ax in (error, bad):
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high + 0.25 * (high - low))
-        ax.legend(fontsize=7, ncols=2, loc='upper center')
+        if len(ax.lines) > 1 + numeric:
+            ax.legend(fontsize=7, ncols=2, loc='upper center')
     return _png(figure)
 
 
@@ -66,11 +61,26 @@ def draw_trials(trials: Sequence[Evaluation], varied: Sequence[str], objective: 
     return _png(figure)
 
 
-def draw_map(disparity: Float32, image: Image, num_disparities: int) -> bytes:
+def draw_importances(importances: Sequence[Importance], heading: str) -> bytes:
+    """A PNG of bars, the largest above: by how much each parameter moves the objective."""
+    figure = Figure(figsize=(11, 0.6 + 0.26 * len(importances)), layout='constrained')
+    ax = figure.subplots()
+    ax.barh([entry.name for entry in importances], [entry.spread for entry in importances], color='tab:blue')
+    ax.barh([entry.name for entry in importances], [-entry.gain for entry in importances], color='tab:green')
+    ax.invert_yaxis()
+    ax.axvline(0, color='black', linewidth=0.8)
+    ax.set_xlabel(f'{heading}: blue, by how much the worst value is above the best; green, by how much the best is '
+                  'below the start')
+    ax.grid(alpha=0.3, axis='x')
+    return _png(figure)
+
+
+def draw_map(disparity: Float32, scene: AnyPair) -> bytes:
     """A JPEG of a disparity map in grey, nearer is brighter, its streaks red; MAP_WIDTH px wide."""
-    shades = np.clip(disparity * (255 / num_disparities), 0, 255).astype(np.uint8)
+    scale = 255 / scene.num_disparities
+    shades = np.clip((disparity - scene.min_disparity) * scale, 0, 255).astype(np.uint8)
     picture: Uint8 = np.ascontiguousarray(np.repeat(shades[..., None], 3, axis=2))
-    picture[streak_mask(disparity, image)] = _RED
+    picture[streak_mask(disparity, scene.left)] = _RED
     return _jpeg(picture)
 
 

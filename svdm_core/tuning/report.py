@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -10,11 +10,8 @@ from rich.table import Table
 
 from ..evaluation.paper import PAPER_STUDY, PaperStudyTable
 from ..parameters import MatcherParameters
-from .optimization import FIGURES, Evaluation, Evaluator, Step
-
-HEADINGS = {'avgerr_nonocc': 'avgerr nonocc px', 'avgerr_all': 'avgerr all px', 'bad2_nonocc': 'bad2 nonocc %',
-            'bad2_all': 'bad2 all %', 'bad4_nonocc': 'bad4 nonocc %', 'bad4_all': 'bad4 all %',
-            'streaks': 'streaks %'}
+from .importance import Importance
+from .optimization import Evaluation, Evaluator, Step
 
 _WIDTH = 140  # characters, where the output is no terminal
 
@@ -23,7 +20,8 @@ _WIDTH = 140  # characters, where the output is no terminal
 class Study:
     """What was done and found: `steps` one at a time, or `trials` of a joint search over `varied`.
 
-    row_alignment: scene -> what its right image was aligned by, of plain types; None where that was not asked for.
+    climbed: whether the steps are those of `climb`, most of which lead nowhere. row_alignment: scene -> what its right
+    image was aligned by, of plain types; None where that was not asked for. notes: what should be known of the scenes.
     """
 
     evaluate: Evaluator
@@ -33,13 +31,28 @@ class Study:
     trials: list[Evaluation]
     varied: list[str]
     against_paper: bool = False
+    climbed: bool = False
     row_alignment: dict[str, Any] | None = None
+    importances: Sequence[Importance] = ()
+    notes: Sequence[str] = ()
+
+    def with_found(self, **found: Any) -> Study:
+        """A copy with what came of it: steps, trials or importances."""
+        return dataclasses.replace(self, **found)
+
+    @property
+    def headings(self) -> Mapping[str, str]:
+        """Figure -> its heading with unit."""
+        return self.evaluate.judge.headings
 
     @property
     def best(self) -> Evaluation:
-        """The best of all, the start included; the earliest among equals."""
-        known = [self.start, *(step.best for step in self.steps), *self.trials]
-        return min(known, key=lambda evaluation: evaluation.average[self.objective])
+        """The best of all, the start included and kept where what was gained says nothing; the earliest among equals.
+        """
+        least = min((self.start, *(step.best for step in self.steps), *self.trials),
+                    key=lambda evaluation: evaluation.average[self.objective])
+        gained = self.start.average[self.objective] - least.average[self.objective]
+        return self.start if gained < self.evaluate.judge.resolution else least
 
 
 def document(study: Study) -> dict[str, Any]:
@@ -47,6 +60,7 @@ def document(study: Study) -> dict[str, Any]:
     return {
         'objective': study.objective,
         'scenes': [scene.name for scene in study.evaluate.scenes],
+        'notes': list(study.notes),
         'row_alignment': study.row_alignment,
         'start': _plain(study.start),
         'steps': [_step(step, study.against_paper) for step in study.steps],
@@ -54,6 +68,7 @@ def document(study: Study) -> dict[str, Any]:
                    for trial in study.trials],
         'best': _plain(study.best),
         'changed': changed(study.start.parameters, study.best.parameters),
+        'importance': [entry.document() for entry in study.importances],
     }
 
 
@@ -88,24 +103,40 @@ def difference(step: Step, table: PaperStudyTable) -> str:
 
 def print_table(study: Study) -> None:
     """The start, the best of each step or the best trials, and the best of all."""
-    table = Table(title=f'{len(study.evaluate.scenes)} scenes, by {HEADINGS[study.objective]}')
-    for heading in ('', *HEADINGS.values()):
+    table = Table(title=f'{len(study.evaluate.scenes)} scenes, by {study.headings[study.objective]}')
+    for heading in ('', *study.headings.values()):
         table.add_column(heading, justify='right' if heading else 'left')
     for label, evaluation in path(study):
-        table.add_row(label, *(f'{evaluation.average[name]:.3f}' for name in FIGURES))
+        table.add_row(label, *(f'{evaluation.average[name]:.3f}' for name in study.headings))
     console = Console()
     console = console if console.is_terminal else Console(width=_WIDTH)
     console.print(table)
+    console.print(verdict(study), soft_wrap=True, highlight=False)
+    if study.importances:
+        table = Table(title=f'what each parameter does to {study.headings[study.objective]}, all others as they are')
+        for heading in ('', 'spread', 'gain', 'at its best'):
+            table.add_column(heading, justify='right' if heading else 'left')
+        for entry in study.importances:
+            table.add_row(entry.name, f'{entry.spread:.3f}', f'{entry.gain:.3f}', str(entry.best_value))
+        console.print(table)
+
+
+def verdict(study: Study) -> str:
+    """One line: the best parameters, or why there are none that are better."""
     new = changed(study.start.parameters, study.best.parameters)
-    best = ', '.join(f'{name} = {value}' for name, value in new.items()) or 'as at the start'
-    console.print(f'best: {best}', soft_wrap=True, highlight=False)
+    if new:
+        return 'best: ' + ', '.join(f'{name} = {value}' for name, value in new.items())
+    least = study.evaluate.judge.resolution
+    if not least or not (study.steps or study.trials):
+        return 'best: as at the start'
+    return f'no difference: nothing that was tried is better by {least:g} or more, so keep what you have'
 
 
 def path(study: Study) -> list[tuple[str, Evaluation]]:
     """The way from the start to the best, with a label each."""
     if study.trials:
         return [('start', study.start), ('best of the search', study.best)]
-    return [('start', study.start), *(_labelled(step) for step in study.steps)]
+    return [('start', study.start), *(_labelled(step) for step in study.steps if step.improved or not study.climbed)]
 
 
 def _labelled(step: Step) -> tuple[str, Evaluation]:

@@ -1,17 +1,18 @@
 """A file of figures: what was computed once is not computed again, also not by the next run."""
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
-from ..evaluation import metrics, streaks
-from ..evaluation.datasets import StereoScene
 from ..files.user_files import Limits, check_regular
 from ..kernels.cache import fingerprint
 
 _MATCHER = Path(__file__).resolve().parents[1]
+_MEASURES = ('evaluation/metrics.py', 'evaluation/streaks.py', 'evaluation/reconstruction.py', 'tuning/judges.py',
+             'tuning/consensus.py')
 _START = b'{"key": "'
 _LIMITS = Limits(2**30)
 
@@ -66,18 +67,10 @@ def _is_torn(line: bytes) -> bool:
     return not line.endswith(b'}}') and (line.startswith(_START) or _START.startswith(line))
 
 
-def scene_fingerprint(scene: StereoScene) -> str:
-    """Changes with anything the figures of a scene follow from, except the parameters."""
-    digest = hashlib.sha256(_sources().encode())
-    for array in (scene.left, scene.right, scene.ground_truth, scene.nonocc):
-        digest.update(f'{array.dtype}{array.shape}'.encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
-
-
-def _sources() -> str:
-    """Of the matcher and of the measures: the kernels, and the modules outside of the kernels' folders."""
+@functools.cache
+def sources_fingerprint() -> str:
+    """Of the matcher and of the measures: the kernels, the modules outside of the kernels' folders, and the figures."""
     digest = hashlib.sha256(fingerprint().encode())
-    for path in (*sorted(_MATCHER.glob('*.py')), Path(metrics.__file__), Path(streaks.__file__)):
+    for path in (*sorted(_MATCHER.glob('*.py')), *(_MATCHER / name for name in _MEASURES)):
         digest.update(path.read_bytes())
     return digest.hexdigest()

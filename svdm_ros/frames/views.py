@@ -82,10 +82,16 @@ class Views:
             raise FrameError('not rectified', f'pair dropped, {side}/camera_info cannot rectify it: {error}') from error
 
 
+def image_pixels(message: Image | CompressedImage) -> tuple[Pixels, str]:
+    """The pixels of an image of any kind, uint8 or uint16, (H, W) or (H, W, 3) BGR, and its encoding. Raises ValueError
+    where it is damaged, or of a kind that is not known."""
+    image = message if hasattr(message, 'encoding') else _decoded(message)
+    return image_to_array(image), str(image.encoding)
+
+
 def _view(message: Image | CompressedImage, info: CameraInfo | None, side: str) -> View:
     try:
-        image = message if hasattr(message, 'encoding') else _decoded(message)
-        return View(image_to_array(image), str(image.encoding), info)
+        return View(*image_pixels(message), info)
     except ValueError as error:
         raise FrameError('unreadable', f'{side} image dropped: {error}') from error
 

@@ -33,6 +33,20 @@ def write_scenes(folder):
     return folder
 
 
+def write_pairs(folder, count, contrast=1.0):
+    """Folders left and right with so many pairs, of a camera that sees other walls each time."""
+    for side in ('left', 'right'):
+        (folder / side).mkdir(parents=True)
+    for number in range(count):
+        left, right, _ = two_walls(60, 90, near=9, far=3, seed=number)
+        rng = np.random.default_rng(number)
+        for side, image in (('left', left), ('right', right)):
+            blurred = cv2.GaussianBlur(image, (0, 0), 1.2).astype(float) + rng.normal(0, 3, image.shape)
+            levels = 128 + contrast * (blurred - 128)
+            cv2.imwrite(str(folder / side / f'{number:06}.png'), np.clip(levels, 0, 255).astype(np.uint8))
+    return folder
+
+
 def real_scenes(*names):
     data = Path(os.environ.get('SVDM_DATA', 'unset')) / 'middlebury_v3_trainingQ'
     if not data.is_dir():

@@ -22,7 +22,8 @@ from svdm_core.kernels.cache import cache_folder
 VERSION = ElementTree.parse(CHECKOUT / 'package.xml').findtext('version')
 ROS_LIBRARIES = ('rclpy', 'launch', 'launch_ros')
 PRESETS = ('accurate.yaml', 'default.yaml', 'fast.yaml', 'paper.yaml', 'paper_start.yaml')
-TEMPLATES = ('evaluation/templates/evaluation.html.jinja', 'tuning/templates/tuning.html.jinja')
+TEMPLATES = ('evaluation/templates/evaluation.html.jinja', 'tuning/templates/tuning.html.jinja',
+             'tuning/templates/proof.html.jinja')
 
 
 def _copy_checkout(target: Path) -> Path:
@@ -110,13 +111,15 @@ def prefix(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize('path', [
-    *(f'lib/svdm_ros/{executable}' for executable in ('disparity_node', 'process_bag', 'play_bag', 'images_to_bag')),
+    *(f'lib/svdm_ros/{executable}' for executable in (
+        'disparity_node', 'process_bag', 'play_bag', 'images_to_bag', 'tuner')),
     'share/ament_index/resource_index/packages/svdm_ros',
     'share/svdm_ros/package.xml',
     *(f'share/svdm_ros/config/{name}' for name in ('fastdds.xml', 'stereo.rviz', 'foxglove.json')),
     *(f'share/svdm_ros/config/{preset}' for preset in PRESETS),
     *(f'share/svdm_ros/launch/{name}.launch.py' for name in ('disparity', 'stereo', 'two_cameras')),
     *(f'lib/python3.12/site-packages/svdm_core/{template}' for template in TEMPLATES),
+    'lib/python3.12/site-packages/svdm_ros/tuner/page.css',
     *(f'share/svdm_ros/hook/ament_prefix_path.{kind}' for kind in ('dsv', 'sh')),
 ])
 def test_colcon_installs(prefix, path):

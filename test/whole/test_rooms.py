@@ -8,8 +8,8 @@ from checkout import CHECKOUT
 
 PACKAGE = CHECKOUT / 'svdm_ros'
 MODULES = sorted(PACKAGE.rglob('*.py'))
-WITH_RCLPY = ('node', 'processes', 'benchmark', 'demo', 'soak', 'bags/play')
-NODE_STARTERS = ('demo', 'benchmark', 'soak')
+WITH_RCLPY = ('node', 'processes', 'benchmark', 'demo', 'soak', 'bags/play', 'tuner')
+NODE_STARTERS = ('demo', 'benchmark', 'soak', 'tuner')
 
 
 def room(path):

@@ -6,9 +6,8 @@ import contextlib
 import dataclasses
 import glob
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -16,13 +15,13 @@ from rich.text import Text
 
 from svdm_core import RowAlignment
 from svdm_core.commands.argument_types import FROM_THE_PAIRS
-from svdm_core.presets import preset_values
 from svdm_core.runtime import configure
-from svdm_core.shown import cut, line, nearest, shown
+from svdm_core.shown import cut, line, shown
 
 from ...calibration.calibration_files import read_calibration
+from ...command_line.parameters import node_parameters
 from ...frames.outputs import output_names
-from ...node.parameter_set import NodeParameters, Value, node_parameter_table
+from ...node.parameter_set import NodeParameters
 from ..writing.output_place import check_apart
 from ..writing.partial_folder import remove_marks
 from .local_workers import process_locally
@@ -30,8 +29,6 @@ from .outcome import Outcome
 from .processing import Job, Tell, process
 
 _SUFFIXES = ('.zstd', '.mcap', '.db3', '.bag')
-_NODE_ONLY = ('use_sim_time', 'qos_overrides')
-"""What a parameter file of the node may hold besides, which means nothing offline."""
 
 
 def run(options: argparse.Namespace) -> int:
@@ -144,30 +141,10 @@ def _bare_name(path: Path) -> str:
 
 
 def _parameters(source: str | Path, changes: Sequence[str]) -> NodeParameters:
-    """Of a preset or parameter file of the node, and --set. ValueError names parameter, value and what is allowed."""
-    table = {info.name: info for info in node_parameter_table()}
-    values: dict[str, Value] = {}
-    for name, value in preset_values(source).items():
-        if name.partition('.')[0] in _NODE_ONLY:
-            continue
-        _check_known(name, table)
-        values[name] = value
     for change in changes:
-        name, equals, text = change.partition('=')
-        if not equals:
-            raise ValueError(f'--set {cut(change)} is not allowed: write it as name=value')
-        _check_known(name, table)
-        if name == 'align_rows':
+        if change.partition('=')[0] == 'align_rows':
             raise ValueError(f'--set {cut(change)} is not allowed: it is for the live node; give --align-rows')
-        values[name] = table[name].parse(text)
-    return NodeParameters().replace(values)
-
-
-def _check_known(name: str, table: Mapping[str, Any]) -> None:
-    if name not in table:
-        near = nearest(name, table)
-        raise ValueError(f'unknown parameter {shown(name, 100)}: ' + (
-            f'did you mean {near}?' if near else f'known are {", ".join(table)}'))
+    return node_parameters(source, changes)
 
 
 class _RateColumn(ProgressColumn):

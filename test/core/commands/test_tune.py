@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from tuning_scenes import real_scenes, run, write_scene, write_scenes
+from tuning_scenes import real_scenes, run, write_pairs, write_scene, write_scenes
 
 from svdm_core import MatcherParameters, StereoMatcher, load_preset, parameter_table
 from svdm_core.evaluation.paper import PAPER_STUDY
 from svdm_core.row_alignment.alignment import NOTHING_TO_CORRECT
-from svdm_core.tuning import optimization
-from svdm_core.tuning.optimization import FIGURES
+from svdm_core.tuning.judges import TruthJudge, UnsupervisedJudge
+from svdm_core.tuning.ladders import by_importance
 
 pytest.importorskip('jinja2', reason="jinja2 is not installed, of the extra 'tune'")
 
@@ -38,7 +38,7 @@ def test_a_second_run_computes_nothing_anew_and_finds_the_same(folder, tmp_path,
 
 def test_an_interrupted_run_loses_nothing_that_is_finished(folder, tmp_path, monkeypatch, capsys):
     arguments = [folder, '--vary', 'alpha=1,5,9', '--threads', 1, '--storage', tmp_path / 's']
-    judged, calls = optimization.judged, []
+    judged, calls = TruthJudge.figures, []
 
     def interrupted(*values):
         calls.append(1)
@@ -46,7 +46,7 @@ def test_an_interrupted_run_loses_nothing_that_is_finished(folder, tmp_path, mon
             raise KeyboardInterrupt
         return judged(*values)
 
-    monkeypatch.setattr(optimization, 'judged', interrupted)
+    monkeypatch.setattr(TruthJudge, 'figures', interrupted)
     with pytest.raises(KeyboardInterrupt):
         run(*arguments)
     monkeypatch.undo()
@@ -94,7 +94,8 @@ def test_page_document_and_preset(folder, tmp_path, capsys):
     found = json.loads(document.read_text())
     assert found['scenes'] == ['Attic', 'PianoL'] and found['start']['parameters']['w_p'] == 5
     assert [step['values'] for step in found['steps']] == [[1.0, 5.0, 9.0], ['filled', 'all']]
-    assert set(found['steps'][0]['figures'][0]) == set(FIGURES) and found['steps'][0]['differs_from_paper'] is None
+    assert set(found['steps'][0]['figures'][0]) == set(TruthJudge.headings)
+    assert found['steps'][0]['differs_from_paper'] is None
     text = page.read_text()
     assert not re.findall(r'(?:src|href)="(?!data:image/(?:png|jpeg);base64,)', text)
     assert text.count('data:image/png') == 2 and 'Differs' not in text
@@ -132,6 +133,13 @@ def test_the_papers_study_says_in_what_it_differs(folder, tmp_path, capsys):
     (['--vary', 'alpha=1', '--json', 'a', '--html', 'a'], 'a is named twice'),
     (['--vary', 'alpha=1', '--json', 'a', '--storage', 'a'], 'a is the storage'),
     (['--vary', 'alpha=1', '--json', '.'], '. is a folder: name a file'),
+    ([], 'what is to be tuned? Give --vary'),
+    (['--prove', '4', '--best', 'a.yaml'], '--prove takes scenes and makes its own sets'),
+    (['--importance', '--search', '4'], '--importance chooses nothing'),
+    (['--study', 'paper', '--objective', 'unsupervised'], '--study paper has its own ranges'),
+    (['--objective', 'unsupervised', '--scenes', 'Attic'], '--scenes and --resolution are for ground truth'),
+    (['--objective', 'unsupervised', '--left', '/a'], 'it is no recording'),
+    (['--vary', 'alpha=1', '--left', '/a'], '--left, --right and --calib are for a recording'),
 ])
 def test_wrong_arguments_are_refused_before_anything_is_computed(folder, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
@@ -166,6 +174,65 @@ def test_a_result_that_is_no_number_is_refused_and_not_stored(tmp_path):
     with pytest.raises(ValueError, match=r'Attic: .*known ground truth'):
         run(tmp_path / 'scenes', '--vary', 'alpha=1', '--threads', 1, '--storage', tmp_path / 's')
     assert not (tmp_path / 's').exists() or not (tmp_path / 's').read_bytes()
+
+
+def test_without_ground_truth_it_climbs_from_a_poor_start(tmp_path, capsys):
+    folder = write_pairs(tmp_path / 'street', 6)
+    arguments = [folder, '--objective', 'unsupervised', '--preset', 'paper_start', '--set', 'num_disparities=16',
+                 '--pairs', 5, '--search', 12, '--threads', 1, '--storage', tmp_path / 's']
+    run(*arguments, '--json', tmp_path / 'a.json', '--html', tmp_path / 'a.html', '--best', tmp_path / 'mine.yaml')
+    told = capsys.readouterr().out
+    assert 'best: ' in told and 'loss %' in told and 'Middlebury' not in (tmp_path / 'a.html').read_text()
+    found = json.loads((tmp_path / 'a.json').read_text())
+    assert len(found['scenes']) == 5 and set(found['scenes']) < {f'street {number}/6' for number in range(1, 7)}
+    assert found['best']['average']['loss'] < found['start']['average']['loss'] - UnsupervisedJudge.resolution
+    tried = sum(len(step['values']) - 1 for step in found['steps'])
+    assert tried == 12
+    assert load_preset(tmp_path / 'mine.yaml').replace(num_disparities=64).as_dict() == {
+        **found['best']['parameters'], 'num_disparities': 64}
+    run(*arguments)
+    assert '\n0 maps were computed' in capsys.readouterr().out
+
+
+def test_where_nothing_is_better_the_start_is_kept_and_that_is_told(tmp_path, capsys):
+    folder = write_pairs(tmp_path / 'street', 5)
+    run(folder, '--objective', 'unsupervised', '--vary', 'sigma_s=13,14', '--threads', 1, '--set', 'num_disparities=16',
+        '--json', tmp_path / 'a.json', '--best', tmp_path / 'mine.yaml')
+    assert 'no difference: nothing that was tried is better by 0.3 or more' in capsys.readouterr().out
+    found = json.loads((tmp_path / 'a.json').read_text())
+    assert found['changed'] == {} and load_preset(tmp_path / 'mine.yaml') == MatcherParameters()
+
+
+def test_little_to_go_by_is_told(tmp_path, capsys):
+    folder = write_pairs(tmp_path / 'wall', 1, contrast=0.02)
+    run(folder, '--objective', 'unsupervised', '--vary', 'alpha=5', '--threads', 1)
+    told = capsys.readouterr().out
+    assert 'only 1 pair: a choice takes 5 or more' in told and '% of the pixels have texture' in told
+
+
+def test_importance_sorts_the_parameters_by_what_they_do(folder, tmp_path, capsys):
+    run(folder, '--importance', '--scenes', 'Attic', '--threads', 1, '--json', tmp_path / 'a.json',
+        '--html', tmp_path / 'a.html')
+    assert 'spread' in capsys.readouterr().out and 'alt="importances"' in (tmp_path / 'a.html').read_text()
+    found = json.loads((tmp_path / 'a.json').read_text())['importance']
+    assert [entry['parameter'] for entry in found] != by_importance() and len(found) == len(by_importance())
+    spreads = [entry['spread'] for entry in found]
+    assert spreads == sorted(spreads, reverse=True) and spreads[0] > 0
+
+
+def test_the_proof_is_a_command(folder, tmp_path, capsys):
+    run(folder, '--prove', 10, '--threads', 1, '--json', tmp_path / 'a.json', '--html', tmp_path / 'a.html')
+    assert 'rank correlation of loss and error over 10 sets: 3 scenes' in capsys.readouterr().out
+    found = json.loads((tmp_path / 'a.json').read_text())
+    assert len(found['sets']) == 10 and set(found['spearman']['avgerr_nonocc']) == {'Attic', 'Barn', 'PianoL'}
+    assert set(found['regret']) == {'1', '3'} and (tmp_path / 'a.html').read_text().count('data:image/png') == 1
+
+
+def test_a_pair_without_a_partner_in_size_is_refused(tmp_path):
+    folder = write_pairs(tmp_path / 'street', 2)
+    cv2.imwrite(str(folder / 'right' / '000001.png'), np.zeros((9, 9), np.uint8))
+    with pytest.raises(ValueError, match=r'street: left image .* must have the same shape and dtype'):
+        run(folder, '--objective', 'unsupervised', '--threads', 1)
 
 
 @pytest.mark.parametrize(('module', 'arguments'), [

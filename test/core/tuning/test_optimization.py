@@ -7,7 +7,8 @@ from svdm_core import MatcherParameters, StereoMatcher, load_preset
 from svdm_core.evaluation.datasets import middlebury_scenes, read_middlebury_scene
 from svdm_core.evaluation.paper import PAPER_STUDY
 from svdm_core.evaluation.streaks import streak_share
-from svdm_core.tuning.optimization import FIGURES, Evaluator, joint_search, one_at_a_time
+from svdm_core.tuning.judges import TruthJudge
+from svdm_core.tuning.optimization import Evaluator, joint_search, one_at_a_time
 from svdm_core.tuning.ranges import parse_range
 from svdm_core.tuning.stage_reuse import StageReuse
 from svdm_core.tuning.store import FigureStore
@@ -29,19 +30,20 @@ def test_kept_stages_give_what_matching_anew_gives(preset, scenes, monkeypatch):
                {'sigma_c': 0.5}, {'median_guide': 'disparity', 'median_scope': 'all'}]
     for change in changes:
         for scene in scenes[:2]:
-            got = reuse.disparity(scene.name, scene.left, scene.right, base.replace(**change))
-            expected = compute(StereoMatcher(base.replace(**change), 1), scene.left, scene.right).disparity
-            np.testing.assert_array_equal(got, expected)
+            got = reuse.result(scene.name, scene.left, scene.right, base.replace(**change))
+            expected = compute(StereoMatcher(base.replace(**change), 1), scene.left, scene.right)
+            np.testing.assert_array_equal(got.disparity, expected.disparity)
+            np.testing.assert_array_equal(got.valid, expected.valid)
     assert len(matched) == 2
     scene = scenes[0]
-    got = reuse.disparity(scene.name, scene.left, scene.right, base.replace(alpha=1.0))
+    got = reuse.result(scene.name, scene.left, scene.right, base.replace(alpha=1.0)).disparity
     np.testing.assert_array_equal(got, compute(StereoMatcher(base.replace(alpha=1.0), 1), scene.left,
                                                scene.right).disparity)
     assert len(matched) == 3
 
 
 def test_one_at_a_time_goes_on_from_the_best(scenes):
-    evaluate = Evaluator(scenes, threads=1)
+    evaluate = Evaluator(scenes, TruthJudge(4.0), threads=1)
     start = evaluate(load_preset('paper_start'))
     ranges = [parse_range('alpha=0.5,5,20'), parse_range('w_p=1:11:4'), parse_range('sigma_s=0.1,0.2')]
     steps = one_at_a_time(evaluate, start, ranges)
@@ -57,11 +59,11 @@ def test_one_at_a_time_goes_on_from_the_best(scenes):
 
 
 def test_the_figures_are_those_of_the_maps(scenes):
-    evaluation = Evaluator(scenes, factor=2.0, threads=1)(MatcherParameters(alpha=3.0))
+    evaluation = Evaluator(scenes, TruthJudge(2.0), threads=1)(MatcherParameters(alpha=3.0))
     scene = scenes[0]
     result = StereoMatcher(MatcherParameters(alpha=3.0, num_disparities=16), 1).compute(scene.left, scene.right)
     error = 2 * np.abs(result.disparity - scene.ground_truth)
-    assert tuple(evaluation.scenes['Attic']) == FIGURES
+    assert tuple(evaluation.scenes['Attic']) == tuple(TruthJudge.headings)
     assert evaluation.scenes['Attic']['avgerr_all'] == pytest.approx(error.mean())
     assert evaluation.scenes['Attic']['bad4_nonocc'] == pytest.approx(100 * (error[scene.nonocc] > 4).mean())
     assert evaluation.scenes['Attic']['streaks'] == streak_share(result.disparity, scene.left)
@@ -70,7 +72,7 @@ def test_the_figures_are_those_of_the_maps(scenes):
 
 
 def test_wrong_arguments_of_a_study_are_named(scenes):
-    evaluate = Evaluator(scenes[:1], threads=1)
+    evaluate = Evaluator(scenes[:1], TruthJudge(4.0), threads=1)
     start = evaluate(MatcherParameters())
     for study in (lambda *rest: one_at_a_time(evaluate, start, [], *rest),
                   lambda *rest: joint_search(evaluate, start, [], 3, *rest)):
@@ -79,7 +81,7 @@ def test_wrong_arguments_of_a_study_are_named(scenes):
     with pytest.raises(ValueError, match='0 trials are not allowed'):
         joint_search(evaluate, start, [], 0)
     with pytest.raises(ValueError, match='no scene to tune on'):
-        Evaluator([])
+        Evaluator([], TruthJudge(4.0))
 
 
 def test_a_file_that_is_no_storage_is_left_alone(tmp_path):
@@ -98,7 +100,7 @@ def test_ground_truth_has_no_streaks():
 
 def test_the_papers_steps_reduce_streaks_on_its_figure_1():
     """Start, then alpha, sigma_s, sigma_c, w_p of the optimum; the step of sigma_c is too small to tell."""
-    evaluate = Evaluator(real_scenes('Adirondack', 'MotorcycleE', 'Recycle'))
+    evaluate = Evaluator(real_scenes('Adirondack', 'MotorcycleE', 'Recycle'), TruthJudge(4.0))
     parameters = load_preset('paper_start')
     along = [evaluate(parameters)]
     for table in PAPER_STUDY:

@@ -1,4 +1,5 @@
-"""The worker's mailbox: newest job wins, every drop is told, nothing kills the thread. And the counts."""
+"""The worker's mailbox: newest job wins, but for a spare one; every drop is told, nothing kills the thread. And the
+counts."""
 import queue
 import threading
 import time
@@ -8,6 +9,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from svdm_ros.node import worker
 from svdm_ros.node.diagnostics import diagnostic_array
 from svdm_ros.node.frame_statistics import FrameStatistics, PixelShares, Rate
 from svdm_ros.node.worker import Worker
@@ -74,6 +76,25 @@ def test_the_newest_job_wins(bench):
     bench.gate.release()
     assert bench.next_begun() == 5
     assert bench.drops == {'superseded': 4}
+
+
+def test_a_moment_of_waiting_loses_nothing_and_a_longer_one_leaves_the_newest(bench, monkeypatch):
+    bench.make_ready()
+    bench.worker.submit(0)
+    assert bench.next_begun() == 0
+    bench.worker.submit(1)
+    bench.worker.submit(2)
+    bench.gate.release(2)
+    assert [bench.next_begun(), bench.next_begun()] == [1, 2]
+    assert not bench.drops
+    bench.worker.submit(3)
+    bench.worker.submit(4)  # the spare place is taken until a second has gone by
+    assert bench.drops == {'superseded': 1}
+    monkeypatch.setattr(worker, '_SPARE_EACH', 0.0)
+    bench.worker.submit(5)
+    bench.gate.release(2)
+    assert [bench.next_begun(), bench.next_begun()] == [4, 5]
+    assert bench.drops == {'superseded': 1}
 
 
 def test_an_error_is_told_and_the_next_job_is_done(bench):
