@@ -15,7 +15,7 @@ from ..tuning.climb import climb
 from ..tuning.image_pair import AnyPair
 from ..tuning.importance import importances
 from ..tuning.judges import Judge, TruthJudge, UnsupervisedJudge
-from ..tuning.ladders import ladders
+from ..tuning.ladders import at_their_defaults, ladders
 from ..tuning.optimization import Evaluator, joint_search, one_at_a_time
 from ..tuning.pair_choice import choose_pairs
 from ..tuning.ranges import ParameterRange, check_tunable, once_each, paper_ranges, parse_range
@@ -65,10 +65,18 @@ def made_study(options: argparse.Namespace) -> Study:
         if options.importance:
             return study.with_found(importances=importances(evaluate, start, ranges, material.objective))
         if climbs:
-            return study.with_found(steps=climb(evaluate, start, ranges, trials or 1, material.objective))
+            return _climbed(study, ranges, trials or 1)
         if trials is None:
             return study.with_found(steps=one_at_a_time(evaluate, start, ranges, material.objective))
         return study.with_found(trials=joint_search(evaluate, start, ranges, trials, material.objective))
+
+
+def _climbed(study: Study, ranges: Sequence[ParameterRange], trials: int) -> Study:
+    """From the defaults of all that has steps, where those are better than the start; they are the first trial."""
+    defaults = study.evaluate(at_their_defaults(study.start.parameters))
+    begin = min(study.start, defaults, key=lambda evaluation: evaluation.average[study.objective])
+    steps = climb(study.evaluate, begin, ranges, trials - 1, study.objective) if trials > 1 else []
+    return study.with_found(steps=steps, defaults=defaults)
 
 
 def made_proof(options: argparse.Namespace, count: int) -> Proof:

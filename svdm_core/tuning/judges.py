@@ -90,10 +90,10 @@ class UnsupervisedJudge:
     resolution = 0.3
     explanation = (
         'There is no ground truth. The loss says how badly the maps explain the images they were made from, and how '
-        'far they are from what good settings agree on: mismatch, by how much the right image, moved by the map, differs '
-        'from the left one; jumps of the map where the image has none, and disagreement with the median of four other '
-        'maps, which count 0.8. It finds the way from poor settings to good ones; among good ones it is a weak guide, '
-        'and less than 0.3 says nothing. Streaks and what is not valid (left-right check, uniqueness) are '
+        'far they are from what good settings agree on: mismatch, by how much the right image, moved by the map, '
+        'differs from the left one; jumps of the map where the image has none, and disagreement with the median of '
+        'four other maps, which count 0.8. It finds the way from poor settings to good ones; among good ones it is a '
+        'weak guide, and less than 0.3 says nothing. Streaks and what is not valid (left-right check, uniqueness) are '
         'shown beside it and are not made small: a constant map has neither.')
     name = 'unsupervised'
 

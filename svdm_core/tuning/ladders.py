@@ -43,6 +43,12 @@ def ladders() -> list[ParameterRange]:
     return [ladder(name) for name in _LADDERS]
 
 
+def at_their_defaults(parameters: MatcherParameters) -> MatcherParameters:
+    """All that has steps at its default; the rest, which the time follows from, as it is."""
+    default = MatcherParameters().as_dict()
+    return parameters.replace(**{name: default[name] for name in _LADDERS})
+
+
 def near(steps: ParameterRange, value: Value) -> list[Value]:
     """The steps next to a value, and the default where that is another one; what is no number has no next step."""
     default = getattr(MatcherParameters(), steps.name)

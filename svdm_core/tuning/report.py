@@ -20,8 +20,9 @@ _WIDTH = 140  # characters, where the output is no terminal
 class Study:
     """What was done and found: `steps` one at a time, or `trials` of a joint search over `varied`.
 
-    climbed: whether the steps are those of `climb`, most of which lead nowhere. row_alignment: scene -> what its right
-    image was aligned by, of plain types; None where that was not asked for. notes: what should be known of the scenes.
+    climbed: whether the steps are those of `climb`, most of which lead nowhere; it begins at `defaults`, the defaults
+    of all that has steps, where those are better than the start. row_alignment: scene -> what its right image was
+    aligned by, of plain types; None where that was not asked for. notes: what should be known of the scenes.
     """
 
     evaluate: Evaluator
@@ -32,6 +33,7 @@ class Study:
     varied: list[str]
     against_paper: bool = False
     climbed: bool = False
+    defaults: Evaluation | None = None
     row_alignment: dict[str, Any] | None = None
     importances: Sequence[Importance] = ()
     notes: Sequence[str] = ()
@@ -49,8 +51,9 @@ class Study:
     def best(self) -> Evaluation:
         """The best of all, the start included and kept where what was gained says nothing; the earliest among equals.
         """
-        least = min((self.start, *(step.best for step in self.steps), *self.trials),
-                    key=lambda evaluation: evaluation.average[self.objective])
+        tried = [self.start, *([self.defaults] if self.defaults else []), *(step.best for step in self.steps),
+                 *self.trials]
+        least = min(tried, key=lambda evaluation: evaluation.average[self.objective])
         gained = self.start.average[self.objective] - least.average[self.objective]
         return self.start if gained < self.evaluate.judge.resolution else least
 
@@ -63,6 +66,7 @@ def document(study: Study) -> dict[str, Any]:
         'notes': list(study.notes),
         'row_alignment': study.row_alignment,
         'start': _plain(study.start),
+        'defaults': None if study.defaults is None else _plain(study.defaults),
         'steps': [_step(step, study.against_paper) for step in study.steps],
         'trials': [{'values': {name: getattr(trial.parameters, name) for name in study.varied}, **_plain(trial)}
                    for trial in study.trials],
@@ -136,7 +140,10 @@ def path(study: Study) -> list[tuple[str, Evaluation]]:
     """The way from the start to the best, with a label each."""
     if study.trials:
         return [('start', study.start), ('best of the search', study.best)]
-    return [('start', study.start), *(_labelled(step) for step in study.steps if step.improved or not study.climbed)]
+    way = [('start', study.start), *(_labelled(step) for step in study.steps if step.improved or not study.climbed)]
+    if study.defaults is not None:
+        way.insert(1, ('the defaults of all that has steps', study.defaults))
+    return way
 
 
 def _labelled(step: Step) -> tuple[str, Evaluation]:
