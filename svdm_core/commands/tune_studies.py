@@ -73,7 +73,10 @@ def made_study(options: argparse.Namespace) -> Study:
 
 def _climbed(study: Study, ranges: Sequence[ParameterRange], trials: int) -> Study:
     """From the defaults of all that has steps, where those are better than the start; they are the first trial."""
-    defaults = study.evaluate(at_their_defaults(study.start.parameters))
+    parameters = at_their_defaults(study.start.parameters)
+    if parameters == study.start.parameters:
+        return study.with_found(steps=climb(study.evaluate, study.start, ranges, trials, study.objective))
+    defaults = study.evaluate(parameters)
     begin = min(study.start, defaults, key=lambda evaluation: evaluation.average[study.objective])
     steps = climb(study.evaluate, begin, ranges, trials - 1, study.objective) if trials > 1 else []
     return study.with_found(steps=steps, defaults=defaults)

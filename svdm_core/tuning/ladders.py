@@ -5,25 +5,25 @@ from ..parameters import MatcherParameters, parameter_info
 from .ranges import ParameterRange, Value
 
 _LADDERS: dict[str, tuple[Value, ...]] = {
-    'p2': (0.0, 0.3, 0.6, 0.9, 1.2),
     'census_weight': (0.0, 0.15, 0.3, 0.5, 0.8),
     'sigma_tree': (0.008, 0.015, 0.03, 0.06, 0.1),
+    'p2': (0.0, 0.3, 0.6, 0.9, 1.2),
+    'guide_blur': (1, 3, 5),
+    'w_p': (1, 11, 17, 23, 31, 41),
+    'p2_edge': (0.0, 8.0, 20.0, 50.0),
+    'subpixel': (True, False),
+    'final_median': (1, 3, 5),
+    'sigma_s': (5.0, 8.0, 14.0, 24.0),
+    'tau_ad': (0.0, 0.02, 0.04, 0.08),
+    'tau_gm': (0.004, 2 / 255, 0.016),
+    'alpha': (0.0, 3.0, 6.0, 10.7, 16.0),
+    'p1': (0.0, 0.03, 0.07, 0.1, 0.15),
+    'uniqueness': (0.0, 0.05, 0.09, 0.15),
     'filling': ('scanline', 'far'),
+    'sigma_c': (0.03, 0.06, 0.1, 0.175),
     'median_scope': ('filled', 'all'),
     'gradient': ('horizontal', 'magnitude'),
-    'p1': (0.0, 0.03, 0.07, 0.1, 0.15),
-    'p2_edge': (0.0, 8.0, 20.0, 50.0),
-    'w_p': (1, 11, 17, 23, 31, 41),
-    'tau_ad': (0.0, 0.02, 0.04, 0.08),
-    'alpha': (0.0, 3.0, 6.0, 10.7, 16.0),
-    'uniqueness': (0.0, 0.05, 0.09, 0.15),
-    'final_median': (1, 3, 5),
-    'guide_blur': (1, 3, 5),
-    'subpixel': (True, False),
     'intensity_range': ('pair', 'full'),
-    'sigma_c': (0.03, 0.06, 0.1, 0.175),
-    'sigma_s': (5.0, 8.0, 14.0, 24.0),
-    'tau_gm': (0.004, 2 / 255, 0.016),
 }
 """In the order of their importance: how far avgerr nonocc moves over the steps, from `default` on the 15 training pairs
 of Middlebury v3 (`svdm tune trainingQ --importance`). What changes the time by much is not among them: choose a preset

@@ -32,7 +32,8 @@ def page(study: Study) -> str:
     template = environment.from_string(files(__package__).joinpath(_TEMPLATE).read_text(encoding='utf-8'))
     return template.render(
         scenes=found['scenes'], rows=alignment_line(study.row_alignment) if study.row_alignment else '',
-        explanation=study.evaluate.judge.explanation, notes=study.notes, verdict=verdict(study),
+        explanation=study.evaluate.judge.explanation, notes=study.notes,
+        verdict='' if study.importances else verdict(study),
         importances=_uri(bars, 'png') if bars else '', objective=study.objective, names=list(study.headings),
         headings=study.headings,
         way=[(label, evaluation.average, False) for label, evaluation in way],

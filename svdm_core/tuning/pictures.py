@@ -23,7 +23,11 @@ _RED = (40, 40, 255)
 def draw_step(step: Step, plots: Sequence[tuple[str, Sequence[str]]], table: PaperStudyTable | None) -> bytes:
     """A PNG of plots over the values of a step, each with a label and its figures; the paper's avgerr in the first."""
     numeric = step.range.numeric
-    values: list[Any] = list(step.range.values) if numeric else [str(value) for value in step.range.values]
+    pairs = list(zip(step.range.values, step.evaluations, strict=True))
+    if numeric:
+        pairs.sort(key=lambda pair: float(pair[0]))
+    values: list[Any] = [value if numeric else str(value) for value, _ in pairs]
+    evaluations = [evaluation for _, evaluation in pairs]
     figure = Figure(figsize=(11, 3.2), layout='constrained')
     axes = figure.subplots(1, len(plots))
     if table is not None:
@@ -31,7 +35,7 @@ def draw_step(step: Step, plots: Sequence[tuple[str, Sequence[str]]], table: Pap
             axes[0].plot(values, theirs, 's--', color=colour, alpha=0.5, markersize=3, label=f'the paper, {region}')
     for ax, (label, names) in zip(axes, plots, strict=True):
         for number, name in enumerate(names):
-            ax.plot(values, _curve(step.evaluations, name), '^-' if number > 1 else 'o-',
+            ax.plot(values, _curve(evaluations, name), '^-' if number > 1 else 'o-',
                     color=('tab:blue', 'tab:red')[number % 2], markersize=4, label=name.replace('_', ', '))
         low, high = ax.get_ylim()
         ax.set(xlabel=step.range.name, ylabel=label, ylim=(low, high + 0.25 * (high - low)))

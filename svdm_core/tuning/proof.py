@@ -77,7 +77,8 @@ def spread_sets(count: int) -> list[SpreadSet]:
 
 def _changed(parameters: MatcherParameters, chance: random.Random) -> MatcherParameters:
     values: dict[str, Any] = {}
-    for entry in chance.sample(ladders(), chance.randint(1, _MOST_CHANGES)):
+    entries = sorted(ladders(), key=lambda entry: entry.name)  # whatever is the most important
+    for entry in chance.sample(entries, chance.randint(1, _MOST_CHANGES)):
         now = getattr(parameters, entry.name)
         if isinstance(now, float) and now > 0 and chance.random() < 0.5:
             values[entry.name] = now * chance.choice(_BEYOND)

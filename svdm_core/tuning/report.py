@@ -115,8 +115,9 @@ def print_table(study: Study) -> None:
     console = Console()
     console = console if console.is_terminal else Console(width=_WIDTH)
     console.print(table)
-    console.print(verdict(study), soft_wrap=True, highlight=False)
-    if study.importances:
+    if not study.importances:
+        console.print(verdict(study), soft_wrap=True, highlight=False)
+    else:
         table = Table(title=f'what each parameter does to {study.headings[study.objective]}, all others as they are')
         for heading in ('', 'spread', 'gain', 'at its best'):
             table.add_column(heading, justify='right' if heading else 'left')
