@@ -61,8 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _add_pair_arguments(parser: argparse.ArgumentParser) -> None:
     pairs = parser.add_argument_group('pairs without ground truth')
-    pairs.add_argument('--pairs', type=count, default=8, metavar='N',
-                       help='chosen, as different as they come (%(default)s)')
+    pairs.add_argument('--pairs', type=count, metavar='N', help='chosen, as different as they come (8)')
     pairs.add_argument('--left', metavar='TOPIC', help='left images of a recording with several pairs')
     pairs.add_argument('--right', metavar='TOPIC', help='right images')
     pairs.add_argument('--calib', type=Path, action='append', metavar='FILE',
@@ -120,8 +119,9 @@ def _check_wanted(options: argparse.Namespace) -> None:
     if not (options.vary or options.study or options.importance or options.prove or options.search or unsupervised):
         raise ValueError('what is to be tuned? Give --vary, --study, --search, --importance, --prove or --objective '
                          'unsupervised')
-    if options.prove and (options.search or unsupervised or options.best or options.changes or options.align_rows
-                          or options.preset or options.params):
+    truth = next(iter(TruthJudge.headings))
+    if options.prove and (options.search or options.objective != truth or options.best or options.changes
+                          or options.align_rows or options.preset or options.params):
         raise ValueError('--prove takes scenes and makes its own sets: give it without --search, --objective, --best, '
                          '--preset, --params, --set and --align-rows')
     if options.importance and (options.search or options.best):
@@ -132,8 +132,9 @@ def _check_wanted(options: argparse.Namespace) -> None:
     if unsupervised and (options.scenes or options.resolution):
         raise ValueError('--scenes and --resolution are for ground truth: --objective unsupervised takes the pairs '
                          'that the place holds')
-    if not unsupervised and (options.left or options.right or options.calib):
-        raise ValueError('--left, --right and --calib are for a recording: give --objective unsupervised, too')
+    if not unsupervised and (options.left or options.right or options.calib or options.pairs):
+        raise ValueError('--left, --right, --calib and --pairs are for pairs without ground truth: give --objective '
+                         'unsupervised, too')
 
 
 def _check_files(options: argparse.Namespace) -> None:

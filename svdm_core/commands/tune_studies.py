@@ -11,6 +11,7 @@ from ..evaluation.datasets import StereoScene
 from ..evaluation.recordings import pair_sources
 from ..evaluation.scene_sets import RESOLUTIONS, find_scenes
 from ..parameters import MatcherParameters
+from ..presets import preset_values
 from ..tuning.climb import climb
 from ..tuning.image_pair import AnyPair
 from ..tuning.importance import importances
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 UNSUPERVISED = 'unsupervised'
 _TRIALS = 40
 """Of a search without ground truth: more would be led astray."""
+_PAIRS = 8
+"""Chosen, where --pairs does not say how many."""
 _SEARCH_RANGE = ('min_disparity', 'num_disparities')
 
 
@@ -121,9 +124,10 @@ def _read(options: argparse.Namespace, aligner: SceneAligner | None) -> tuple[li
 
 def _pairs(options: argparse.Namespace, parameters: MatcherParameters) -> _Material:
     sources = pair_sources([options.folder], (options.left, options.right), options.calib)
-    given = parse_changes(options.changes)
+    given = {*preset_values(options.params or options.preset), *parse_changes(options.changes)}
     number = parameters.num_disparities if 'num_disparities' in given else None
-    chosen = choose_pairs(sources, options.pairs, (parameters.min_disparity, number), align_rows=options.align_rows)
+    search = parameters.min_disparity, number
+    chosen = choose_pairs(sources, options.pairs or _PAIRS, search, align_rows=options.align_rows)
     rows = {name: found and found.as_dict() for name, found in chosen.rows.items()}
     judge = UnsupervisedJudge(options.threads)
     return _Material(chosen.pairs, judge, 'loss', rows if options.align_rows else None, chosen.notes)

@@ -53,7 +53,7 @@ def reconstruction(disparity: NDArray[np.floating], left: Image, right: Image) -
     if disparity.size == 0 or not np.isfinite(disparity).all():
         raise ValueError('the disparity must be dense: every pixel a finite number')
     found = np.asarray(disparity, np.float32)
-    left, right = _grey_levels(left, right)
+    left, right = grey_levels(left, right)
     mismatch = np.where(visible(found), _mismatch(found, grey_of(left), grey_of(right)), np.float32(HIDDEN))
     return Reconstruction(100 * float(mismatch.mean(dtype=np.float64)), 100 * _jumps(found, left))
 
@@ -74,8 +74,9 @@ def textured_share(image: Image) -> float:
     return 100 * float((np.abs(_gradient(grey_of(image).astype(np.float32))) >= TEXTURE_STEP).mean())
 
 
-def _grey_levels(left: Image, right: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Both as uint8."""
+def grey_levels(left: Image, right: Image) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """A pair as uint8, (H, W) or (H, W, 3): 16 bits are stretched by what the pair uses of them, but for the outermost.
+    """
     if left.dtype == np.uint8:
         return left, right
     low, high = np.percentile(np.stack([left, right]), (0.5, 99.5))
@@ -85,17 +86,15 @@ def _grey_levels(left: Image, right: Image) -> tuple[NDArray[np.uint8], NDArray[
 
 
 def _mismatch(disparity: Float32, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Float32:
-    height, width = disparity.shape
-    x = np.arange(width, dtype=np.float32) - disparity
-    y = np.repeat(np.arange(height, dtype=np.float32)[:, None], width, axis=1)
     own = left.astype(np.float32)
-    moved = _sampled(right, x, y)
+    moved = _sampled(right, np.arange(disparity.shape[1], dtype=np.float32) - disparity)
     gradient = np.minimum(np.abs(_gradient(own) - _gradient(moved)), GRADIENT_CUT) / GRADIENT_CUT
     return np.asarray((gradient + _order(own, moved)) / 2, np.float32)
 
 
-def _sampled(image: NDArray[np.uint8], x: Float32, y: Float32) -> Float32:
-    """Linear between pixels, the outermost ones beyond the border. cv2.remap would round x to 1/32 px."""
+def _sampled(image: NDArray[np.uint8], x: Float32) -> Float32:
+    """The rows at x, px: linear between pixels, the outermost ones beyond the border. cv2.remap would round x to 1/32.
+    """
     width = image.shape[1]
     x = np.clip(x, 0, width - 1)
     first = np.minimum(x.astype(np.int64), max(width - 2, 0))

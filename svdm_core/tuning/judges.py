@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from ..evaluation.datasets import MIDDLEBURY_WEIGHTS, StereoScene
 from ..evaluation.metrics import error_metrics
-from ..evaluation.reconstruction import reconstruction
+from ..evaluation.reconstruction import grey_levels, reconstruction
 from ..evaluation.streaks import streak_share
 from ..matcher import DisparityResult
 from .consensus import Consensus, disagreement
@@ -69,13 +69,13 @@ class TruthJudge:
         return figures
 
 
-JUMP_WEIGHT, DISAGREEMENT_WEIGHT = 0.8, 0.8
+JUMP_WEIGHT, DISAGREEMENT_WEIGHT = 0.8, 2.0
 """In the loss. Without jumps, maps that copy the noise of the images win; without disagreement, smooth ones that are
 far off where there is little texture."""
 
 
 class UnsupervisedJudge:
-    """loss = mismatch + 0.8 (jumps + disagreement), all in %: how badly a map explains its pair (`reconstruction`), and
+    """loss = mismatch + 0.8 jumps + 2 disagreement, all in %: how badly a map explains its pair (`reconstruction`), and
     how far it is from what good settings agree on (`consensus`). `proof` tells what it is worth.
 
     Streaks and what is not valid are shown beside it, and are not what is made small: constant maps have neither.
@@ -91,10 +91,10 @@ class UnsupervisedJudge:
     explanation = (
         'There is no ground truth. The loss says how badly the maps explain the images they were made from, and how '
         'far they are from what good settings agree on: mismatch, by how much the right image, moved by the map, '
-        'differs from the left one; jumps of the map where the image has none, and disagreement with the median of '
-        'four other maps, which count 0.8. It finds the way from poor settings to good ones; among good ones it is a '
-        'weak guide, and less than 0.3 says nothing. Streaks and what is not valid (left-right check, uniqueness) are '
-        'shown beside it and are not made small: a constant map has neither.')
+        'differs from the left one; jumps of the map where the image has none, which count 0.8; and disagreement with '
+        'the median of four other maps, which counts 2. It finds the way from poor settings to good ones; among good '
+        'ones it is a weak guide, and less than 0.3 says nothing. Streaks and what is not valid (left-right check, '
+        'uniqueness) are shown beside it and are not made small: a constant map has neither.')
     name = 'unsupervised'
 
     def __init__(self, threads: int = 0) -> None:
@@ -102,9 +102,10 @@ class UnsupervisedJudge:
         self._consensus = Consensus(threads)
 
     def figures(self, result: DisparityResult, pair: AnyPair) -> dict[str, float]:
-        found = reconstruction(result.disparity, pair.left, pair.right)
+        left, right = grey_levels(pair.left, pair.right)
+        found = reconstruction(result.disparity, left, right)
         far = disagreement(result.disparity, self._consensus.of(pair), pair.num_disparities)
         return {'loss': found.mismatch + JUMP_WEIGHT * found.jumps + DISAGREEMENT_WEIGHT * far,
                 'mismatch': found.mismatch, 'jumps': found.jumps, 'disagreement': far,
-                'streaks': streak_share(result.disparity, pair.left),
+                'streaks': streak_share(result.disparity, left),
                 'failed': 100 * (1 - float(result.valid.mean()))}

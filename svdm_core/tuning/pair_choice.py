@@ -22,6 +22,9 @@ _LITTLE = 15.0
 """%, of the pixels that have texture: below, most of a map is guesses that nothing in the images speaks against."""
 _CANDIDATES = 5
 """Pairs looked at for each that is chosen."""
+_MOST_BYTES = 2 * 2**30
+"""Of the images of all that is looked at; larger ones are fewer."""
+_MOST_DISPARITIES = 1024
 _TINY = (16, 12)
 """px, of the thumbnails by which pairs are compared."""
 _TIME = 40.0
@@ -74,13 +77,15 @@ def choose_pairs(
 
 
 def _pairs(source: PairSource, most: int, search: tuple[int, int | None]) -> list[ImagePair]:
+    first = next(iter(source.read(1)))
+    most = max(1, min(most, _MOST_BYTES // (first[0].nbytes + first[1].nbytes)))
     pairs = list(source.read(most))
     found = []
     for number, (left, right) in enumerate(pairs, 1):
         if left.shape != right.shape or left.dtype != right.dtype:
             raise ValueError(f'{source.name}: left image {left.shape} {left.dtype} and right image {right.shape} '
                              f'{right.dtype} must have the same shape and dtype')
-        count = search[1] or source.num_disparities or max(16, left.shape[1] // 5)
+        count = search[1] or source.num_disparities or min(max(16, left.shape[1] // 5), _MOST_DISPARITIES)
         name = source.name if len(pairs) == 1 else f'{source.name} {number}/{len(pairs)}'
         found.append(ImagePair(name, left, right, search[0], count))
     return found

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..evaluation.paper import PaperStudyTable
+from ..evaluation.reconstruction import grey_levels
 from ..evaluation.streaks import streak_mask
 from ..kernels.arrays import Float32, Image, Uint8
 from .image_pair import AnyPair
@@ -84,13 +85,13 @@ def draw_map(disparity: Float32, scene: AnyPair) -> bytes:
     scale = 255 / scene.num_disparities
     shades = np.clip((disparity - scene.min_disparity) * scale, 0, 255).astype(np.uint8)
     picture: Uint8 = np.ascontiguousarray(np.repeat(shades[..., None], 3, axis=2))
-    picture[streak_mask(disparity, scene.left)] = _RED
+    picture[streak_mask(disparity, grey_levels(scene.left, scene.right)[0])] = _RED
     return _jpeg(picture)
 
 
 def draw_image(image: Image) -> bytes:
-    """A JPEG of the left image, as wide as the maps."""
-    return _jpeg(image)
+    """A JPEG of the left image, as wide as the maps; 16 bits are stretched."""
+    return _jpeg(grey_levels(image, image)[0])
 
 
 def _jpeg(picture: Image) -> bytes:

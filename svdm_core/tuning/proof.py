@@ -25,7 +25,7 @@ BASES = ('default', 'accurate', 'fast', 'paper', 'paper_start')
 _MOST_CHANGES = 6
 _BEYOND = (0.25, 0.5, 2.0, 4.0)
 """Factors by which a number is changed, besides the steps of its ladder."""
-_WEIGHTS = tuple(itertools.product((0.0, 0.4, 0.8, 1.2, 1.6), (0.0, 0.2, 0.4, 0.6, 0.8, 1.2, 2.0)))
+_WEIGHTS = tuple(itertools.product((0.0, 0.4, 0.8, 1.2, 1.6), (0.0, 0.4, 0.8, 1.2, 2.0, 3.0, 5.0)))
 """Of jumps and disagreement, tried where a scene is left out."""
 _GROUPS = 200
 """Groups of pairs that a set is chosen on."""
@@ -124,18 +124,40 @@ class Proof:
             found.append(spearman(self.losses[third, scene], self.errors[truth][third, scene]))
         return found
 
+    def within(self, truth: str, base: str) -> list[float]:
+        """The correlations among the sets of one preset only."""
+        rows = [row for row, one in enumerate(self.sets) if one.base == base]
+        return [spearman(self.losses[rows, scene], self.errors[truth][rows, scene])
+                for scene in range(len(self.scenes))]
+
     def left_out(self, truth: str) -> list[LeftOut]:
         """For each scene the weights that rank best on all others, and the correlation that they have there."""
-        mismatch, jumps, far = self.parts
-        table = np.array([[spearman(loss[:, scene], self.errors[truth][:, scene]) for scene in range(len(self.scenes))]
-                          for loss in (mismatch + one * jumps + other * far for one, other in _WEIGHTS)])
+        table = self._table(truth)
         found = []
         for scene in range(len(self.scenes)):
-            others = np.delete(table, scene, axis=1)
-            own = _WEIGHTS.index((JUMP_WEIGHT, DISAGREEMENT_WEIGHT))
-            best = int(others.mean(axis=1).argmax()) if others.size else own
+            best = _best_without(table, [scene])
             found.append(LeftOut(*_WEIGHTS[best], float(table[best, scene])))
         return found
+
+    def _weighted(self) -> Matrix:
+        """Losses by _WEIGHTS, (weights, sets, scenes)."""
+        mismatch, jumps, far = self.parts
+        return np.array([mismatch + one * jumps + other * far for one, other in _WEIGHTS])
+
+    def _table(self, truth: str) -> Matrix:
+        """Correlations by _WEIGHTS, (weights, scenes)."""
+        return np.array([[spearman(loss[:, scene], self.errors[truth][:, scene]) for scene in range(len(self.scenes))]
+                         for loss in self._weighted()])
+
+    def regret_left_out(self, pairs: int) -> float:
+        """As `regret().chosen`, by weights that were chosen on all scenes but those of the group."""
+        losses, table, errors = self._weighted(), self._table('avgerr_nonocc'), self.errors['avgerr_nonocc']
+        found = []
+        for group in _groups(len(self.scenes), pairs):
+            best = _best_without(table, group)
+            error = errors[:, group].mean(axis=1)
+            found.append(error[losses[best][:, group].mean(axis=1).argmin()] - error.min())
+        return float(np.mean(found))
 
     def regret(self, pairs: int, bases: Sequence[str] = BASES) -> Regret:
         """What a choice by the loss over `pairs` scenes costs, px. bases: among the sets of these presets, of which the
@@ -169,6 +191,14 @@ class Regret(NamedTuple):
     chosen: float
     kept: float
     worst: float
+
+
+def _best_without(table: Matrix, scenes: Sequence[int]) -> int:
+    """The place in _WEIGHTS of those that rank best on all scenes but these; of the built-in ones where none is left.
+    """
+    others = np.delete(table, scenes, axis=1)
+    own = _WEIGHTS.index((JUMP_WEIGHT, DISAGREEMENT_WEIGHT))
+    return int(others.mean(axis=1).argmax()) if others.size else own
 
 
 def spearman(one: Matrix, other: Matrix) -> float:

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from .proof import BASES, TRUTHS, Proof
 
-_GROUP_SIZES = (1, 3, 5, 8)
+_GROUP_SIZES, _GROUP = (1, 3, 5, 8), 5
 _FAMILIES = (*((base,) for base in BASES), ('paper_start', 'paper'))
 _COLOURS = {'default': 'tab:blue', 'accurate': 'tab:cyan', 'fast': 'tab:green', 'paper': 'tab:orange',
             'paper_start': 'tab:red'}
@@ -26,6 +26,7 @@ _WIDTH = 140  # characters, where the output is no terminal
 def document(proof: Proof) -> dict[str, Any]:
     """Everything found, of plain types."""
     left_out = proof.left_out('avgerr_nonocc')
+    group = min(_GROUP, len(proof.scenes))
     sizes = [size for size in _GROUP_SIZES if size <= len(proof.scenes)]
     return {
         'scenes': proof.scenes,
@@ -34,9 +35,13 @@ def document(proof: Proof) -> dict[str, Any]:
                  for row, (one, losses) in enumerate(zip(proof.sets, proof.losses, strict=True))],
         'spearman': {name: dict(zip(proof.scenes, proof.correlations(name), strict=True)) for name in TRUTHS},
         'spearman_best_third': dict(zip(proof.scenes, proof.best_third('avgerr_nonocc'), strict=True)),
+        'spearman_within': {base: float(np.mean(proof.within('avgerr_nonocc', base))) for base in BASES
+                            if sum(one.base == base for one in proof.sets) > 2},
         'left_out': {scene: one._asdict() for scene, one in zip(proof.scenes, left_out, strict=True)},
-        'regret': {str(size): proof.regret(size)._asdict() for size in sizes},
-        'regret_within': {', '.join(bases): proof.regret(min(5, len(proof.scenes)), bases)._asdict()
+        'regret': {str(size): {**proof.regret(size)._asdict(), 'left_out': proof.regret_left_out(size)}
+                   for size in sizes},
+        'group': group,
+        'regret_within': {', '.join(bases): proof.regret(group, bases)._asdict()
                           for bases in _FAMILIES if {one.base for one in proof.sets} >= set(bases)},
     }
 
@@ -51,19 +56,22 @@ def print_proof(found: dict[str, Any]) -> None:
         table.add_column(heading, justify='left' if heading in ('', 'worst scene') else 'right')
     rows = [(name, found['spearman'][name]) for name in TRUTHS]
     rows.append(('avgerr_nonocc, best third of the sets', found['spearman_best_third']))
-    rows.append(('avgerr_nonocc, weights from the other scenes',
-                 {scene: entry['spearman'] for scene, entry in found['left_out'].items()}))
+    if len(found['scenes']) > 1:
+        rows.append(('avgerr_nonocc, weights from the other scenes',
+                     {scene: entry['spearman'] for scene, entry in found['left_out'].items()}))
     for name, values in rows:
         worst = min(values, key=lambda scene: values[scene])
         table.add_row(name, f'{np.mean(list(values.values())):.3f}', f'{values[worst]:.3f}', worst)
     console.print(table)
+    within = ', '.join(f'{base} {rho:.2f}' for base, rho in found['spearman_within'].items())
+    console.print(f'avgerr_nonocc among the sets of one preset, mean over the scenes: {within}', soft_wrap=True)
     table = Table(title='avgerr nonocc above the best set, px, where one set is chosen')
-    for heading in ('', 'by loss', 'the first kept', 'worst against the first kept'):
+    for heading in ('', 'by loss', 'weights from other scenes', 'the first kept', 'worst against the first kept'):
         table.add_column(heading, justify='right' if heading else 'left')
     for size, regret in found['regret'].items():
         table.add_row(f'all sets, on {size} pairs', *_cells(regret))
     for base, regret in found['regret_within'].items():
-        table.add_row(f'those of {base}, on 5 pairs', *_cells(regret))
+        table.add_row(f'those of {base}, on {found["group"]} pairs', *_cells(regret))
     console.print(table)
 
 
@@ -80,7 +88,8 @@ def proof_page(proof: Proof, found: dict[str, Any]) -> str:
 
 
 def _cells(regret: dict[str, float]) -> Sequence[str]:
-    return f'{regret["chosen"]:.2f}', f'{regret["kept"]:.2f}', f'{regret["worst"]:+.2f}'
+    left_out = f'{regret["left_out"]:.2f}' if 'left_out' in regret else ''
+    return f'{regret["chosen"]:.2f}', left_out, f'{regret["kept"]:.2f}', f'{regret["worst"]:+.2f}'
 
 
 def _changed(one: Any) -> str:

@@ -12,7 +12,8 @@ from ..kernels.cache import fingerprint
 
 _MATCHER = Path(__file__).resolve().parents[1]
 _MEASURES = ('evaluation/metrics.py', 'evaluation/streaks.py', 'evaluation/reconstruction.py', 'tuning/judges.py',
-             'tuning/consensus.py')
+             'tuning/consensus.py',
+             'row_alignment/measurement.py')
 _START = b'{"key": "'
 _LIMITS = Limits(2**30)
 

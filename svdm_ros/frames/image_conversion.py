@@ -149,3 +149,15 @@ def _demosaiced(pixels: NDArray[Any], code: int) -> NDArray[Any]:
         needed = f'{_SMALLEST_MOSAIC}x{_SMALLEST_MOSAIC}'
         raise ValueError(f'a bayer image of {width}x{height} px is too small: it needs {needed}')
     return np.asarray(cv2.cvtColor(pixels, code), pixels.dtype)
+
+
+def pixels_of(image: Any) -> NDArray[np.float32]:
+    """The values of a sensor_msgs/Image of encoding 32FC1, float32 (H, W). Raises ValueError for another encoding."""
+    if image.encoding != '32FC1':
+        raise ValueError(f'encoding {shown(image.encoding)} holds no disparity: it must be 32FC1')
+    if image.step < 4 * image.width or len(image.data) != image.height * image.step or not image.width:
+        raise ValueError(f'{len(image.data)} bytes are no {image.width}x{image.height} px of 32FC1 with a step of '
+                         f'{image.step}')
+    stored = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, :4 * image.width]
+    values = np.ascontiguousarray(stored).view('>f4' if image.is_bigendian else '<f4')
+    return values if sys.byteorder == 'little' and not image.is_bigendian else values.astype(np.float32)

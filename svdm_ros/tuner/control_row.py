@@ -42,14 +42,16 @@ class ControlRow:
             self._problem = ui.label().classes('problem')
         self._problem.set_visibility(False)
 
-    def show(self, value: Value, base: Value | None, *, at_once: bool) -> None:
+    def show(self, value: Value, base: Value | None, *, at_once: bool) -> bool:
         """value: what it is; base: what it is compared with, None where that is not known. at_once: also while the user
-        moves it."""
-        is_held = not at_once and time.monotonic() - self._moved < _FRESH
+        moves it. False where it is to be shown once more, as the user moves it."""
         self._mark.set_visibility(base is not None and value != base)
-        if is_held or (value == self._value and not at_once):  # what is being typed stays
-            return
+        if value == self._value and not at_once:  # what is being typed stays
+            return True
+        if not at_once and time.monotonic() - self._moved < _FRESH:
+            return False
         self._display(value)
+        return True
 
     def complain(self, reason: str) -> None:
         """Why a value was refused; empty: it was not."""
@@ -69,19 +71,21 @@ class ControlRow:
                 f'dense options-dense aria-label="{info.name}"')
         return None
 
-    async def _slid(self, event: Any) -> None:
+    # No coroutines: those would begin when `_display` is through, and take what it shows for a move of the user's.
+
+    def _slid(self, event: Any) -> Awaitable[None] | None:
         if self._showing or event.value is None:
-            return
+            return None
         self._moved = time.monotonic()
         self._value = self.control.positions[int(event.value)]
         self._field.set_value(written(self._value))
-        await self._move(self.control, self._value)
+        return self._move(self.control, self._value)
 
-    async def _chosen(self, event: Any) -> None:
+    def _chosen(self, event: Any) -> Awaitable[None] | None:
         if self._showing or event.value is None:
-            return
+            return None
         self._value = event.value
-        await self._move(self.control, event.value)
+        return self._move(self.control, event.value)
 
     async def _typed(self, _event: Any) -> None:
         """What cannot be a value at all is refused here, all else by the source."""

@@ -16,7 +16,7 @@ Kind = Literal['slider', 'switch', 'choice', 'text']
 
 OWN_GROUP = 'before and after matching'
 _OWN = ('confidence_threshold', 'speckle_size', 'temporal_filter', 'publish_filled', 'min_depth', 'max_depth',
-        'downscale', 'exposure_match', 'align_rows', 'max_rate', 'roi')
+        'downscale', 'exposure_match', 'align_rows', 'roi')
 """The node's parameters that change what is seen; all others say where images come from and where results go."""
 _IMPORTANT = 10
 """So many parameters of the matcher are not folded away."""

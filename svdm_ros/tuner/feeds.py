@@ -65,8 +65,12 @@ def still_pair(left: Image, right: Image, truth: Float32 | None) -> Generator[Fe
 
 def file_pair(left: Path, right: Path, truth: Path | None) -> Generator[FedPair]:
     """Of two image files; truth: a .pfm. ValueError or OSError names the file that cannot be read."""
+    images = read_image(left, _AS_IT_IS), read_image(right, _AS_IT_IS)
     known = None if truth is None else read_pfm(truth)
-    return still_pair(read_image(left, _AS_IT_IS), read_image(right, _AS_IT_IS), known)
+    if known is not None and known.shape != images[0].shape[:2]:
+        raise ValueError(f'{truth} has {known.shape[1]}x{known.shape[0]} px and {left} has {images[0].shape[1]}x'
+                         f'{images[0].shape[0]}: give the true disparity of this left image')
+    return still_pair(*images, known)
 
 
 def demo_pair() -> Generator[FedPair]:
@@ -110,7 +114,7 @@ def recorded(
 
 def _truth(pair: RecordedPair) -> Float32 | None:
     """Of a recorded DisparityImage; None where that is none."""
-    from ..bags.process.outputs import pixels_of
+    from ..frames.image_conversion import pixels_of
 
     message = pair.ground_truth
     if message is None:

@@ -26,8 +26,8 @@ class LiveFigures:
     def of(self, shot: Shot, setting: object) -> dict[str, str]:
         """setting: what the flicker follows from; with another one it is measured anew."""
         found = {}
-        if shot.left.shape[:2] == shot.disparity.shape:
-            found['streaks'] = f'{streak_share(shot.disparity, grey_bytes(shot.left)):.2f} %'
+        if shot.left.shape[:2] == shot.disparity.shape and shot.is_matched:
+            found['streaks'] = f'{streak_share(_known(shot), grey_bytes(shot.left)):.2f} %'
         error = shot.error
         if error is not None:
             sizes = np.abs(error[np.isfinite(error)])
@@ -35,7 +35,7 @@ class LiveFigures:
                 found['error'] = f'{sizes.mean():.2f} px, {100 * (sizes > 1).mean():.1f} % off by more than 1 px'
         before, self._before = self._before, (shot, setting)
         if before is not None and shot.is_moving and before[1] == setting:
-            change = flicker(before[0].disparity, shot.disparity)
+            change = flicker(_known(before[0]), _known(shot))
             if change is not None:
                 found['flicker, if the scene stands'] = f'{change:.3f} px'
         return found
@@ -49,8 +49,14 @@ class LiveFigures:
         return f'{(len(self._times) - 1) / (now - self._times[0]):.1f} Hz'
 
 
+def _known(shot: Shot) -> Float32:
+    """float32 (H, W), px; NaN where there is no disparity."""
+    return np.where(shot.known, shot.disparity, np.float32(np.nan))
+
+
 def flicker(before: Float32, after: Float32) -> float | None:
-    """Mean change (px) of the pixels that change by up to 1 px; None where sizes differ or nothing is comparable."""
+    """Mean change (px) of the pixels that change by up to 1 px, of those known in both; None where sizes differ or
+    nothing is comparable."""
     if before.shape != after.shape:
         return None
     change = np.abs(after - before)

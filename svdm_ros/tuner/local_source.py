@@ -7,13 +7,14 @@ import time
 from collections.abc import Callable, Generator, Mapping
 from typing import NamedTuple, Protocol
 
-from svdm_core import NotEnoughMemoryError, RowAlignment
+from svdm_core import RowAlignment
 from svdm_core.kernels.arrays import Float32
+from svdm_core.missing_modules import missing_line
 from svdm_core.shown import line
 
 from ..frames.frame_preparation import PreparedFrame
 from ..frames.frame_processing import FrameProcessor, ProcessedFrame
-from ..frames.views import FrameError, StereoFrame
+from ..frames.views import StereoFrame
 from ..node.parameter_set import NodeParameters, Value, node_parameter_table
 from .live_figures import LiveFigures
 from .shot import Shot
@@ -53,6 +54,7 @@ class LocalSource:
         self._figures = LiveFigures()
         self._told: dict[str, str] = {}
         self._trouble = 'the first pair is being read, and the kernels loaded: up to a minute, the first time'
+        self._end = ''
         self._shot: Shot | None = None
         self._fed: FedPair | None = None
         self._playing, self._steps, self._stopping = True, 0, False
@@ -76,6 +78,8 @@ class LocalSource:
 
     def change(self, values: Mapping[str, Value]) -> str:
         with self._wake:
+            if self._end:
+                return f'nothing is matched any more: {self._end}'
             try:
                 self._parameters = self._parameters.replace(values)
             except ValueError as error:
@@ -90,7 +94,7 @@ class LocalSource:
         return self._told
 
     def trouble(self) -> str:
-        return self._trouble
+        return self._end or self._trouble
 
     def hold(self) -> StereoFrame | None:
         fed = self._fed
@@ -118,9 +122,11 @@ class LocalSource:
             with contextlib.closing(self._feed()) as feed:
                 self._show(feed)
         except StopIteration:
-            self._trouble = 'there is no pair to be shown'
-        except (ValueError, OSError, MemoryError) as error:
-            self._trouble = line(error)
+            self._end = 'there is no pair to be shown'
+        except ImportError as error:
+            self._end = missing_line(error)
+        except Exception as error:  # the last barrier: a thread that dies would die silently
+            self._end = line(error) or type(error).__name__
 
     def _show(self, feed: Generator[FedPair]) -> None:
         fed, following = next(feed), next(feed) if self.plays else None
@@ -157,8 +163,8 @@ class LocalSource:
     def _process(self, fed: FedPair, parameters: NodeParameters, *, is_new: bool) -> None:
         try:
             done = self._processor.process(fed.frame, parameters)
-        except (FrameError, NotEnoughMemoryError) as error:
-            self._trouble = line(error)
+        except Exception as error:  # of this pair, with these parameters: others may do
+            self._trouble = line(error) or type(error).__name__
             return
         number = 1 if self._shot is None else self._shot.number + 1
         shot = Shot.of(done.frame, number, fed.truth, is_moving=is_new)

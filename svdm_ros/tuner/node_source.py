@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +25,9 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from stereo_msgs.msg import DisparityImage
 
 from svdm_core.kernels.arrays import Float32
+from svdm_core.shown import line
 
+from ..frames.image_conversion import pixels_of
 from ..frames.matched_frame import END_MARGIN
 from ..frames.side_by_side import halves
 from ..frames.stereo_pairing import StereoPairer
@@ -41,12 +44,14 @@ _ANSWER = 5.0
 """s, for a parameter service to answer."""
 _HOLD = 3.0
 """s, for a pair to come."""
+_ASK_AGAIN = 3.0
+"""s after which the parameters are read once more."""
 _LOOK = 0.5
 """s between two looks whether the node is there."""
 _SILENT = 3.0
-"""s without a disparity, after which that is told."""
-_KEPT = 8
-"""Messages of a kind that wait for those of the same stamp."""
+"""s without a disparity, after which that is told; and for which a message that could not be shown is."""
+_KEPT, _LEFTS_KEPT = 8, 40
+"""Messages of a kind that wait for those of the same stamp; left images, which come before their disparity."""
 _NAMES = tuple(info.name for info in node_parameter_table())
 _TOLD = {'rate (Hz)': 'rate', 'latency p50 (ms)': 'latency, median', 'valid pixels (%)': 'valid pixels',
          'vertical offset (px)': 'vertical offset'}
@@ -69,9 +74,12 @@ class NodeSource:
         self._own: dict[str, str] = {}
         self._diagnosed: dict[str, str] = {}
         self._complaint = ''
+        self._odd = -math.inf, ''
         self._is_there = False
+        self._asked = 0.0
+        self._moving = threading.Lock()
         self._came = time.monotonic()
-        self._lefts: collections.deque[tuple[int, NDArray[Any]]] = collections.deque(maxlen=_KEPT)
+        self._lefts: collections.deque[tuple[int, NDArray[Any]]] = collections.deque(maxlen=_LEFTS_KEPT)
         self._confidences: collections.deque[tuple[int, Float32]] = collections.deque(maxlen=_KEPT)
         self._disparities: collections.deque[DisparityImage] = collections.deque(maxlen=_KEPT)
         self._left: Subscription | None = None
@@ -115,7 +123,7 @@ class NodeSource:
             return f'{self._name} does not answer'
         if not result.result.successful:
             return str(result.result.reason)
-        self._values = {**self._values, **values}
+        self._merge(values)
         return ''
 
     def latest(self) -> Shot | None:
@@ -129,6 +137,9 @@ class NodeSource:
             return f'{self._name} is not there: start it, or name it with --node; it is waited for'
         if not self._values:
             return f'{self._name} has not told its parameters yet'
+        since, odd = self._odd
+        if time.monotonic() - since < _SILENT:
+            return odd
         if time.monotonic() - self._came > _SILENT:
             return self._complaint or f'no disparity from {self._name}: do images come to it?'
         return self._complaint
@@ -148,6 +159,12 @@ class NodeSource:
     def step(self) -> None:
         """A live node goes on."""
 
+    def _merge(self, changed: Mapping[str, Value]) -> None:
+        """Into what is known; what is not known in whole is asked for."""
+        with self._moving:
+            if self._values:
+                self._values = {**self._values, **changed}
+
     def _ask(self, call: Callable[[], Any]) -> Any:
         """What a service answers; None where it does not in time."""
         answered = threading.Event()
@@ -161,16 +178,22 @@ class NodeSource:
     # In the executor's thread
 
     def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            while self._context.ok():
+        while self._context.ok():
+            try:
                 self._executor.spin_once(timeout_sec=0.5)
+            except ExternalShutdownException:
+                return
+            except Exception as error:  # of one message, which others may follow
+                self._odd = time.monotonic(), f'a message could not be shown: {line(error)}'
 
     def _look(self) -> None:
         """Whether the node is there, and what it has for parameters."""
         is_there = self._client.services_are_ready()
+        now = time.monotonic()
         if not is_there:
             self._values = {}
-        elif not self._values:
+        elif not self._values or now - self._asked > _ASK_AGAIN:  # another node of that name may have come
+            self._asked = now
             self._client.get_parameters([*_NAMES]).add_done_callback(self._take_values)
         self._is_there = is_there
 
@@ -185,7 +208,7 @@ class NodeSource:
             return
         changed = {change.name: parameter_value_to_python(change.value)
                    for change in (*event.new_parameters, *event.changed_parameters) if change.name in _NAMES}
-        self._values = {**self._values, **changed}
+        self._merge(changed)
         self._watch_left()
 
     def _watch_left(self) -> None:
@@ -208,8 +231,7 @@ class NodeSource:
         self._left = self._node.create_subscription(wanted[1], wanted[0], take, sensor_qos())
 
     def _take_confidence(self, message: Image) -> None:
-        values = np.frombuffer(message.data, np.float32).reshape(message.height, message.width)
-        self._confidences.append((stamp_ns(message), values))
+        self._confidences.append((stamp_ns(message), pixels_of(message)))
         self._combine()
 
     def _take_disparity(self, message: DisparityImage) -> None:
@@ -229,19 +251,20 @@ class NodeSource:
                 return
 
     def _show(self, message: DisparityImage, confidence: Float32 | None) -> None:
-        image = message.image
-        disparity = np.frombuffer(image.data, np.float32).reshape(image.height, image.width)
+        disparity = pixels_of(message.image)
         lefts = dict(self._lefts)
-        left = lefts.get(stamp_ns(message), self._lefts[-1][1] if self._lefts else np.zeros(disparity.shape, np.uint8))
+        newest = self._lefts[-1][1] if self._lefts else np.zeros(disparity.shape, np.uint8)
+        left = lefts.get(stamp_ns(message), newest)
         known = disparity >= message.min_disparity  # as stereo_msgs defines it
         trusted = known
         if confidence is not None and confidence.shape == disparity.shape:
             trusted = known & (confidence >= np.float32(self._values.get('confidence_threshold', 0.0)))
         limits = message.min_disparity + END_MARGIN, message.max_disparity - END_MARGIN
         number = 1 if self._shot is None else self._shot.number + 1
-        shot = Shot(number, left, disparity, known, trusted, confidence, limits)
+        shot = Shot(number, left, disparity, known, trusted, confidence, limits,
+                    is_matched=stamp_ns(message) in lefts)
         self._shot = shot
-        self._own = {'trusted pixels': f'{100 * float(trusted.mean()):.1f} %', **self._figures.of(shot, self._values)}
+        self._own = {'confident pixels': f'{100 * float(trusted.mean()):.1f} %', **self._figures.of(shot, self._values)}
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -293,9 +316,10 @@ class _Holding:
         return take
 
     def _finish(self, left: Any, right: Any) -> None:
-        """Raw images are of no use without their calibration, which is waited for."""
-        raw = self._topics.input == 'raw'
-        if self.frame is None and (not raw or len(self._infos) == len(SIDES)):
-            infos = self._infos.get('left'), self._infos.get('right')
-            self.frame = StereoFrame(left, right, *infos, time.monotonic(), raw)
+        """With the calibration, which is waited for; the last pair serves where none comes."""
+        if self.done.is_set():
+            return
+        infos = self._infos.get('left'), self._infos.get('right')
+        self.frame = StereoFrame(left, right, *infos, time.monotonic(), self._topics.input == 'raw')
+        if None not in infos:
             self.done.set()

@@ -23,7 +23,7 @@ class OwnOrigin:
 
     def __init__(self, app: Callable[[_Scope, _Receive, _Send], Awaitable[None]], names: tuple[str, ...] = ()) -> None:
         self._app = app
-        self._names = {*_NAMES, *names}
+        self._names = {name.lower() for name in (*_NAMES, *names)}
 
     async def __call__(self, scope: _Scope, receive: _Receive, send: _Send) -> None:
         if scope['type'] not in ('http', 'websocket') or self._is_own(scope):
@@ -36,12 +36,15 @@ class OwnOrigin:
             await send({'type': 'http.response.body', 'body': b'refused: this page takes requests of its own only\n'})
 
     def _is_own(self, scope: _Scope) -> bool:
-        headers: dict[bytes, str] = {name.lower(): value.decode('latin-1') for name, value in scope['headers']}
+        headers: dict[bytes, str] = {
+            name.lower(): value.decode('latin-1').lower() for name, value in scope['headers']}
         host, origin = headers.get(b'host', ''), headers.get(b'origin')
         if not self._is_known(host):
             return False
-        if origin is None:
-            return bool(scope['type'] == 'http')
+        if origin is None:  # a link that somebody follows, and no picture or script of another page
+            is_foreign = headers.get(b'sec-fetch-site') == 'cross-site'
+            is_embedded = is_foreign and headers.get(b'sec-fetch-mode') != 'navigate'
+            return bool(scope['type'] == 'http') and not is_embedded
         return origin in (f'http://{host}', f'https://{host}')
 
     def _is_known(self, host: str) -> bool:

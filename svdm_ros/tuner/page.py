@@ -9,6 +9,8 @@ from typing import Any
 
 from nicegui import run, ui
 
+from svdm_core.shown import line
+
 from ..node.parameter_set import NodeParameters, Value
 from .comparison import Compared, Comparison
 from .control_row import ControlRow
@@ -105,7 +107,7 @@ class Page:
 
         with ui.element('div').classes('bar'):
             names = session.files.names()
-            self._preset = ui.select(names, value=session.preset if session.preset in names else names[0]).props(
+            self._preset = ui.select(names, value=session.preset if session.preset in names else None).props(
                 'dense options-dense aria-label="preset"').classes('preset')
             self._preset.on('popup-show', self._list_files)
             ui.button('load', on_click=lambda: done(lambda: session.load(str(self._preset.value)))).props(_BUTTON)
@@ -115,7 +117,7 @@ class Page:
         with ui.element('div').classes('bar'):
             ui.button('hold as A', on_click=lambda: done(session.hold)).props(_BUTTON)
             self._back = ui.button('back to A', on_click=lambda: done(session.take_held)).props(_BUTTON)
-            self._release = ui.button('let go', on_click=session.release).props(_BUTTON)
+            self._release = ui.button('let go', on_click=lambda: done(session.release)).props(_BUTTON)
 
     def _build_controls(self) -> None:
         for group, members in groups(controls()).items():
@@ -203,12 +205,12 @@ class Page:
 
     def _show_values(self, at_once: str = '') -> None:
         """at_once: the name of a parameter whose value is to come back, or 'all'."""
-        values, base = self._session.source.values(), self._session.base
+        values, base, is_shown = self._session.source.values(), self._session.base, True
         for name, row in self._rows.items():
             row.element.set_visibility(name in values)
             if name in values:
-                row.show(values[name], base.get(name), at_once=at_once in (name, 'all'))
-        self._shown = self._session.version, dict(values)
+                is_shown &= row.show(values[name], base.get(name), at_once=at_once in (name, 'all'))
+        self._shown = self._session.version if is_shown else -1, dict(values)
 
     def _is_ready(self) -> bool:
         return not self._waits_since or time.monotonic() - self._waits_since > _PATIENCE
@@ -245,8 +247,8 @@ class Page:
         self._comparison.set_visibility(True)
         try:
             found: Compared | None = await run.io_bound(comparison.against, parameters)
-        except ValueError as error:
-            self._list(self._table, {'not compared': str(error)})
+        except Exception as error:  # whatever it is, A and B are not of these parameters
+            self._list(self._table, {'not compared': line(error)})
             return
         if found is None:  # the page is closing
             return
@@ -260,6 +262,8 @@ class Page:
     async def _send(self, drawn: Mapping[str, Callable[[], Picture]]) -> None:
         sources = await run.io_bound(lambda: {name: as_uri(draw()) for name, draw in drawn.items()})
         for name, source in (sources or {}).items():
+            if name == 'disparity' and source == self._pictures[name].props.get('src'):
+                self._waits_since = 0.0  # the browser loads nothing anew, and tells of nothing
             self._pictures[name].props['src'] = source
 
     def _list(self, place: Any, figures: Mapping[str, str]) -> None:

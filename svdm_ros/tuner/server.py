@@ -18,12 +18,12 @@ def check_free(host: str, port: int) -> None:
             taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             taken.bind(address)
     except OSError as error:
-        raise ValueError(f'port {port} of {host} cannot be used ({error.strerror}): name another by --port') from None
+        option = '--host' if isinstance(error, socket.gaierror) else '--port'
+        raise ValueError(f'port {port} of {host} cannot be used ({error.strerror}): name another by {option}') from None
 
 
 def serve(session: TuningSession, host: str, port: int) -> None:
     """Until SIGINT or SIGTERM. One line with the address is printed once the page is there."""
-    check_free(host, port)
     app.add_middleware(OwnOrigin, names=(host, socket.gethostname()))
     ui.page('/', title=f'{session.source.title}: tuner')(lambda: Page(session).build())
     shown = f'[{host}]' if ':' in host else host

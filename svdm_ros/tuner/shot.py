@@ -18,7 +18,8 @@ class Shot:
     number: grows with each. left: uint8 or uint16, (H, W) or (H, W, 3). disparity: float32 (H, W), px. known: bool (H,
     W), what has a disparity; trusted: what has a depth. confidence: float32 (H, W); None where it is not there. limits:
     smallest and largest disparity, px. truth: float32 (H, W), px, not finite where unknown; None where there is none.
-    is_moving: whether it is of another pair than the one before.
+    is_moving: whether it is of another pair than the one before. is_matched: whether the left image is that of the
+    disparity.
     """
 
     number: int
@@ -30,6 +31,7 @@ class Shot:
     limits: tuple[float, float]
     truth: Float32 | None = None
     is_moving: bool = True
+    is_matched: bool = True
 
     @classmethod
     def of(cls, frame: MatchedFrame, number: int, truth: Float32 | None, *, is_moving: bool = True) -> Shot:

@@ -15,6 +15,7 @@ from .source import Source
 _ONE_MOVE = 1.0
 """s; moves of one parameter that follow each other as fast are taken back together."""
 _MOST_UNDONE = 200
+_UNKNOWN = 'the parameters are not known yet: the node is not there, or has not told them'
 
 
 class TuningSession:
@@ -30,15 +31,17 @@ class TuningSession:
         self.comparison: Comparison | None = None
         self.version = 0
         self.preset = preset
-        self._base: Mapping[str, Value] = source.values() or {
-            info.name: info.default for info in node_parameter_table()}
+        self._base: Mapping[str, Value] = {}
         self._undone: list[dict[str, Value]] = []
         self._moved: tuple[str, float] = ('', 0.0)
         self._lock = threading.Lock()
 
     @property
     def base(self) -> Mapping[str, Value]:
-        """What the page marks differences from: the preset or file that was loaded last."""
+        """What the page marks differences from: the preset or file that was loaded last, or what the source began
+        with."""
+        if not self._base:
+            self._base = dict(self.source.values())
         return self._base
 
     @property
@@ -78,7 +81,7 @@ class TuningSession:
     def reset(self) -> str:
         """Back to the preset or file that was loaded last; as `move`."""
         with self._lock:
-            return self._set(self._base)
+            return self._set(self.base)
 
     def load(self, name: str) -> str:
         """A preset or a file; as `move`."""
@@ -95,23 +98,29 @@ class TuningSession:
     def save(self, name: str, *, replace: bool) -> Path:
         """The file that was written. Raises ValueError or OSError in one line."""
         with self._lock:
-            return self.files.write(name, self.source.values(), replace=replace)
+            values = self.source.values()
+            if not values:
+                raise ValueError(_UNKNOWN)
+            return self.files.write(name, values, replace=replace)
 
     def hold(self) -> str:
         """Keep the set that is there now, and a pair to compare others with it on; as `move`."""
         frame = self.source.hold()
         with self._lock:
+            if not self.source.values():
+                return _UNKNOWN
             if frame is None:
                 return 'no pair has come to compare on'
             self.comparison = Comparison(frame, self.parameters())
             self.version += 1
             return ''
 
-    def release(self) -> None:
-        """Compare no more."""
+    def release(self) -> str:
+        """Compare no more; empty."""
         with self._lock:
             self.comparison = None
             self.version += 1
+            return ''
 
     def take_held(self) -> str:
         """Go back to the set that is held; as `move`."""
@@ -123,6 +132,8 @@ class TuningSession:
     def _set(self, wanted: Mapping[str, Value]) -> str:
         """What is on the page, where it differs: where images come from is not the page's to change."""
         now = self.source.values()
+        if not now:
+            return _UNKNOWN
         names = [control.name for control in controls() if control.name in now]
         changes = {name: wanted[name] for name in names if wanted[name] != now[name]}
         reason = self.source.change(changes) if changes else ''

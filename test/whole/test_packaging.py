@@ -238,7 +238,7 @@ def test_make_alone_tells_the_targets(clone):
     run = _make(clone)
     assert run.returncode == 0
     told = re.findall(r'^  make (\w+) ', run.stdout, re.MULTILINE)
-    assert told == ['help', 'demo', 'test', 'lint', 'soak', 'pins', 'clean']
+    assert told == ['help', 'demo', 'tuner', 'test', 'lint', 'soak', 'pins', 'clean']
 
 
 def test_make_says_in_one_line_that_python_is_missing(clone, tmp_path):

@@ -2,14 +2,9 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Iterator
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from svdm_core.shown import cut, shown
+from svdm_core.shown import cut
 
 from ...frames.matched_frame import MatchedFrame
 from ...frames.outputs import OUTPUTS, Output
@@ -58,15 +53,3 @@ class Outputs:
     @property
     def _written(self) -> list[Output]:
         return [output for output in OUTPUTS if output.name in self.names]
-
-
-def pixels_of(image: Any) -> NDArray[np.float32]:
-    """The values of a sensor_msgs/Image of encoding 32FC1, float32 (H, W). Raises ValueError for another encoding."""
-    if image.encoding != '32FC1':
-        raise ValueError(f'encoding {shown(image.encoding)} holds no disparity: it must be 32FC1')
-    if image.step < 4 * image.width or len(image.data) != image.height * image.step or not image.width:
-        raise ValueError(f'{len(image.data)} bytes are no {image.width}x{image.height} px of 32FC1 with a step of '
-                         f'{image.step}')
-    stored = np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, :4 * image.width]
-    values = np.ascontiguousarray(stored).view('>f4' if image.is_bigendian else '<f4')
-    return values if sys.byteorder == 'little' and not image.is_bigendian else values.astype(np.float32)

@@ -11,11 +11,12 @@ import numpy as np
 from svdm_core.kernels.arrays import Uint8
 
 from ...frames.colours import coloured
+from ...frames.image_conversion import pixels_of
 from ...frames.matched_frame import END_MARGIN
 from ..reading.recorded_frames import stamp_ns
 from ..reading.recording import open_recording
 from ..writing.output_place import PREVIEW_FILE, PREVIEW_FOLDER
-from .outputs import DISPARITY_TOPIC, pixels_of
+from .outputs import DISPARITY_TOPIC
 
 KINDS = ('mp4', 'png')
 _DEFAULT_RATE = 10.0

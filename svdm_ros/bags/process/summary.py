@@ -14,8 +14,8 @@ from svdm_core import RowAlignment
 from svdm_core.row_alignment.alignment import NOTHING_TO_CORRECT
 from svdm_core.shown import shown
 
+from ...frames.image_conversion import pixels_of
 from ..reading.pair_stream import PairingCounts
-from .outputs import pixels_of
 
 BAD_PX = 3.0
 

@@ -139,7 +139,9 @@ def test_the_papers_study_says_in_what_it_differs(folder, tmp_path, capsys):
     (['--study', 'paper', '--objective', 'unsupervised'], '--study paper has its own ranges'),
     (['--objective', 'unsupervised', '--scenes', 'Attic'], '--scenes and --resolution are for ground truth'),
     (['--objective', 'unsupervised', '--left', '/a'], 'it is no recording'),
-    (['--vary', 'alpha=1', '--left', '/a'], '--left, --right and --calib are for a recording'),
+    (['--vary', 'alpha=1', '--left', '/a'], '--left, --right, --calib and --pairs are for pairs without'),
+    (['--vary', 'alpha=1', '--pairs', '4'], '--left, --right, --calib and --pairs are for pairs without'),
+    (['--prove', '4', '--objective', 'bad4_all'], '--prove takes scenes and makes its own sets'),
 ])
 def test_wrong_arguments_are_refused_before_anything_is_computed(folder, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)

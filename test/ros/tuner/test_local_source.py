@@ -11,8 +11,10 @@ from scenes import two_walls
 from tuner_process import wait_until
 
 from svdm_core import MatcherParameters, StereoMatcher
+from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.node.parameter_set import NodeParameters
 from svdm_ros.tuner import feeds
+from svdm_ros.tuner.live_figures import flicker
 from svdm_ros.tuner.local_source import FedPair, LocalSource
 from svdm_ros.tuner.row_sources import SeenRows, StillRows
 
@@ -77,6 +79,33 @@ def test_what_cannot_be_matched_is_told_and_the_next_change_is_heard(started):
     assert source.latest() is first
     assert source.change({'roi': ''}) == ''
     assert shot_after(source, first.number).disparity.shape == (60, 90) and source.trouble() == ''
+
+
+def test_whatever_goes_wrong_with_a_pair_is_told_and_the_thread_goes_on(started, monkeypatch):
+    source = started(still())
+    first = shot_after(source, 0)
+    process = FrameProcessor.process
+    monkeypatch.setattr(FrameProcessor, 'process', lambda *_: [][0])
+    source.change({'p2': 0.5})
+    wait_until(lambda: 'list index out of range' in source.trouble(), 'the trouble')
+    monkeypatch.setattr(FrameProcessor, 'process', process)
+    source.change({'p2': 0.6})
+    shot_after(source, first.number)
+    assert source.trouble() == ''
+
+
+def test_where_the_feed_has_ended_nothing_pretends_to_go_on(started, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'skimage.data', None)
+    source = started(LocalSource('demo', feeds.demo_pair, PARAMETERS, StillRows(), plays=False))
+    wait_until(lambda: 'skimage' in source.trouble(), 'what is missing')
+    assert source.change({'p2': 0.5}).startswith('nothing is matched any more: skimage')
+
+
+def test_flicker_is_of_what_is_known():
+    before, after = np.full((10, 10), np.nan, np.float32), np.full((10, 10), np.nan, np.float32)
+    before[0], after[0] = 3, 3.5
+    assert flicker(before, after) == 0.5 and flicker(before, before[:5]) is None
+    assert flicker(np.full((2, 2), np.nan, np.float32), np.zeros((2, 2), np.float32)) is None
 
 
 def test_figures_tell_of_time_validity_streaks_and_error(started):

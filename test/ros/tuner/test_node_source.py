@@ -1,8 +1,11 @@
 """A live node, watched and moved over DDS."""
 import threading
 
+import numpy as np
 import pytest
 from node_bench import NodeProcess, fresh_domain, image_message, random_dots, running_node
+from sensor_msgs.msg import Image
+from stereo_msgs.msg import DisparityImage
 from tuner_process import wait_until
 
 from svdm_ros.tuner.node_source import NodeSource
@@ -43,7 +46,24 @@ def test_a_live_node_is_seen_and_moved(watched):
     assert client.set_atomically(p2=1.2).successful
     until(client, lambda: source.values()['p2'] == 1.2, 'what somebody else has set')
     figures = until(client, lambda: 'rate' in source.figures() and source.figures(), 'diagnostics')
-    assert {'time of a frame', 'valid pixels', 'trusted pixels', 'streaks'} <= set(figures)
+    assert {'time of a frame', 'valid pixels', 'confident pixels', 'streaks'} <= set(figures)
+
+
+def test_messages_that_are_none_harm_nothing(watched):
+    _, client, source = watched
+    client.advertise(Image, 'confidence')
+    client.advertise(DisparityImage, 'disparity')
+    until(client, lambda: client.subscribers_of('confidence') and source.latest(), 'a shot')
+    odd = image_message(np.zeros((3, 2), np.uint8))
+
+    def send_odd():
+        client.publish('confidence', odd)
+        client.publish('disparity', DisparityImage(image=odd))
+
+    client.spin_until(lambda: 'could not be shown' in source.trouble(), 'the trouble', each=send_odd)
+    number = source.latest().number
+    until(client, lambda: source.latest().number > number + 2, 'further shots')
+    assert source.change({'p2': 0.5}) == ''
 
 
 def test_a_pair_is_held(watched):

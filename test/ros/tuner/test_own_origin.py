@@ -27,9 +27,10 @@ def answer(kind, names=(), **headers):
     return sent
 
 
-@pytest.mark.parametrize('host', [HOST, 'localhost:8080', '[::1]:8080', '192.168.1.5:80', '127.0.0.1', 'robot:8080'])
+@pytest.mark.parametrize('host', [HOST, 'localhost:8080', '[::1]:8080', '192.168.1.5:80', '127.0.0.1', 'robot:8080',
+                                  'Robot:8080'])
 def test_addresses_and_known_names_are_taken(host):
-    [message] = answer('http', ('robot',), host=host)
+    [message] = answer('http', ('roBot',), host=host)
     assert message['status'] == 200 and (b'x-frame-options', b'DENY') in message['headers']
     assert answer('websocket', ('robot',), host=host, origin=f'http://{host}') == [{'type': 'websocket.accept'}]
 
@@ -40,6 +41,7 @@ def test_addresses_and_known_names_are_taken(host):
     ('http', {'host': HOST, 'origin': 'null'}),
     ('http', {'host': HOST, 'origin': 'http://127.0.0.1:9999'}),
     ('http', {}),
+    ('http', {'host': HOST, 'sec-fetch-site': 'cross-site', 'sec-fetch-mode': 'no-cors'}),
     ('websocket', {'host': HOST, 'origin': 'http://evil.example'}),
     ('websocket', {'host': HOST}),
     ('websocket', {'host': 'evil.example:8080', 'origin': 'http://evil.example:8080'}),

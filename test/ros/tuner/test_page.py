@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from node_bench import Client, NodeProcess, camera_info, fresh_domain, image_message, random_dots
+from recordings import stereo, write
 from scene_files import write_pfm
 from scenes import two_walls
 from tuner_process import LIMIT, Tuner, browser, running_tuner, wait_until
@@ -107,6 +108,23 @@ def test_a_slider_changes_the_picture_and_the_figures_are_there(page):
     page.get_by_role('button', name='reset').click()
     wait_until(lambda: shown(page, 'p2') == '0.9', 'the value of the preset')
     wait_until(lambda: picture(page, 'disparity') == before, 'the picture of the preset')
+
+
+def test_opening_a_page_and_going_back_move_nothing(chromium, tmp_path, pair):
+    """Also where a value lies between two positions of its slider."""
+    between = ['alpha=9.123', 'p2=0.815', 'sigma_s=24.0', 'gradient=magnitude', 'num_disparities=16']
+    with running_tuner(tmp_path, *pair, '--set', *between) as tuner:
+        page = opened(chromium, tuner)
+        page.wait_for_timeout(1500)
+        assert shown(page, 'alpha') == '9.123' and shown(page, 'p2') == '0.815'
+        typed(page, 'p1', '0.0712')
+        wait_until(lambda: shown(page, 'p1') == '0.0712', 'the value typed')
+        page.get_by_role('button', name='undo').click()
+        wait_until(lambda: shown(page, 'p1') == '0.07', 'the value before')
+        page.wait_for_timeout(1000)
+        assert page.get_by_role('button', name='undo').is_disabled()
+        assert shown(page, 'alpha') == '9.123' and not page.locator('.mark:visible').count()
+        page.context.close()
 
 
 def test_a_refused_value_shows_its_reason_and_the_old_one_comes_back(page):
@@ -247,6 +265,25 @@ def test_a_live_node_is_moved_from_the_page(chromium, tmp_path):
     finally:
         client.close()
         node.kill()
+
+
+def test_a_recording_plays_pauses_and_steps(chromium, tmp_path):
+    write(tmp_path / 'bag', list(stereo(5)))
+    with running_tuner(tmp_path, tmp_path / 'bag', '--set', 'num_disparities=16') as tuner:
+        page = opened(chromium, tuner)
+        assert picture(page, 'disparity', other_than=picture(page, 'disparity'))
+        page.get_by_role('button', name='pause').click()
+        page.get_by_role('button', name='play').wait_for()
+        page.wait_for_timeout(700)
+        paused = picture(page, 'left')
+        page.wait_for_timeout(700)
+        assert picture(page, 'left') == paused
+        page.get_by_role('button', name='step').click()
+        stepped = picture(page, 'left', other_than=paused)
+        page.wait_for_timeout(500)
+        assert picture(page, 'left') == stepped
+        page.get_by_text('rate', exact=True).wait_for()
+        page.context.close()
 
 
 def test_the_error_is_shown_where_the_truth_is_known(page):

@@ -73,6 +73,31 @@ def test_what_is_saved_comes_back(session):
     assert path.is_file()
 
 
+class Absent:
+    """A source that knows nothing yet."""
+
+    def values(self):
+        return {}
+
+    def hold(self):
+        return None
+
+    def change(self, _values):
+        return 'not there'
+
+
+def test_nothing_pretends_while_the_parameters_are_not_known(tmp_path):
+    session = TuningSession(Absent(), tmp_path)
+    path = tmp_path / 'good.yaml'
+    path.write_text('/**:\n  ros__parameters:\n    alpha: 3.0\n')
+    with pytest.raises(ValueError, match='the parameters are not known yet'):
+        session.save('good', replace=True)
+    assert 'alpha: 3.0' in path.read_text()
+    for action in (session.reset, session.hold, lambda: session.load('fast')):
+        assert 'the parameters are not known yet' in action()
+    assert session.preset == 'default' and session.move('p2', 1.0) == 'not there'
+
+
 def test_two_sets_are_compared_on_one_pair(session):
     assert session.take_held() == 'nothing is held'
     assert session.hold() == ''
