@@ -10,6 +10,8 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from svdm_core.evaluation.pair_folders import find_pairs
+from svdm_core.evaluation.recordings import is_recording
 from svdm_core.missing_modules import missing_line, not_installed
 from svdm_core.runtime import configure
 from svdm_core.shown import line
@@ -83,7 +85,12 @@ def _source(options: argparse.Namespace, ros_arguments: list[str]) -> Source:
         [bag] = places
         if not bag.exists():
             raise ValueError(f'{bag}: there is no such file or folder')
-        feed = partial(feeds.recorded, bag, (options.left, options.right), options.calib)
+        if is_recording(bag):
+            feed = partial(feeds.recorded, bag, (options.left, options.right), options.calib)
+        elif options.left or options.right or options.calib:
+            raise ValueError(f'{bag}: it is no recording, for which --left, --right and --calib are')
+        else:
+            feed = partial(feeds.folder_pairs, find_pairs([bag]))
         return LocalSource(bag.absolute().name, feed, parameters, SeenRows(), plays=True)
     left, right = places
     pair = feeds.file_pair(left, right, options.truth)  # read now: what is wrong with them is told at once
@@ -93,7 +100,7 @@ def _source(options: argparse.Namespace, ros_arguments: list[str]) -> Source:
 def _check_together(options: argparse.Namespace, ros_arguments: list[str]) -> None:
     count = len(options.places)
     if count > 2 or (count and options.demo):
-        raise ValueError('give a recording, or a left and a right image, or nothing for a live node')
+        raise ValueError('give a recording, a folder, or a left and a right image, or nothing for a live node')
     if options.truth and count != 2:
         raise ValueError('--truth is for a left and a right image')
     if (options.left or options.right or options.calib) and count != 1:
@@ -119,8 +126,8 @@ def _parser() -> argparse.ArgumentParser:
         prog='tuner', description='A page in the browser: move parameters and see the disparity change.',
         epilog='Topics of a live node are remapped with --ros-args -r OLD:=NEW, behind all other arguments, as for the '
                'node.')
-    parser.add_argument('places', type=Path, nargs='*', metavar='BAG | LEFT RIGHT',
-                        help='a recording, or two images; nothing: a live node')
+    parser.add_argument('places', type=Path, nargs='*', metavar='BAG | FOLDER | LEFT RIGHT',
+                        help='a recording, a folder with folders left and right, or two images; nothing: a live node')
     parser.add_argument('--demo', action='store_true', help='the demo pair, with its ground truth')
     parser.add_argument('--node', default=_NODE, metavar='NAME', help='the live node (%(default)s)')
     parser.add_argument('--truth', type=Path, metavar='FILE.pfm', help='true disparity of the two images')

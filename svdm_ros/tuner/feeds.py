@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from svdm_core.evaluation.pair_folders import CameraPairs
 from svdm_core.files.images import read_image
 from svdm_core.files.pfm import read_pfm
 from svdm_core.kernels.arrays import Float32, Image
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from ..bags.reading.pair_stream import RecordedPair
 
 _AS_IT_IS = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
+_FOLDER_PERIOD = 0.1
+"""s from pair to pair of a folder."""
 _CLOSE_NS = 5_000_000
 """Largest difference of the stamps of a pair."""
 
@@ -71,6 +74,16 @@ def file_pair(left: Path, right: Path, truth: Path | None) -> Generator[FedPair]
         raise ValueError(f'{truth} has {known.shape[1]}x{known.shape[0]} px and {left} has {images[0].shape[1]}x'
                          f'{images[0].shape[0]}: give the true disparity of this left image')
     return still_pair(*images, known)
+
+
+def folder_pairs(cameras: Sequence[CameraPairs]) -> Generator[FedPair]:
+    """Those of all cameras one after the other, over and over. ValueError names a file that cannot be read."""
+    for number in itertools.count():
+        pairs = [pair for camera in cameras for pair in camera.files]
+        left, right = (read_image(path, _AS_IT_IS) for path in pairs[number % len(pairs)])
+        images: tuple[Any, Any] = FileImage.of(left), FileImage.of(right)
+        now = number * _FOLDER_PERIOD
+        yield FedPair(StereoFrame(images[0], images[1], None, None, now), None, now)
 
 
 def demo_pair() -> Generator[FedPair]:

@@ -9,8 +9,10 @@ from checkout import CHECKOUT
 from recordings import stereo, write
 from scenes import two_walls
 from tuner_process import wait_until
+from tuning_scenes import write_pairs
 
 from svdm_core import MatcherParameters, StereoMatcher
+from svdm_core.evaluation.pair_folders import find_pairs
 from svdm_ros.frames.frame_processing import FrameProcessor
 from svdm_ros.node.parameter_set import NodeParameters
 from svdm_ros.tuner import feeds
@@ -162,6 +164,15 @@ def test_a_recording_is_played_over_and_over(started, tmp_path):
                                  plays=True))
     shot_after(source, 0)
     assert source.hold() is not None and source.trouble() == ''
+
+
+def test_a_folder_is_played_over_and_over(started, tmp_path):
+    folder = write_pairs(tmp_path / 'street', 2)
+    source = started(LocalSource('street', lambda: feeds.folder_pairs(find_pairs([folder])), PARAMETERS, SeenRows(),
+                                 plays=True))
+    first = shot_after(source, 0)
+    assert not np.array_equal(shot_after(source, first.number).left, first.left)
+    shot_after(source, first.number + 2)
 
 
 @pytest.mark.parametrize('feed', [
