@@ -170,7 +170,30 @@ def stamp_of(data):
 # What arrives
 
 
+class DisturbedError(AssertionError):
+    """Times that are not the player's, unless they come again."""
+
+
+def in_time(holds):
+    if not holds:
+        raise DisturbedError
+
+
+def undisturbed(attempt):
+    """Times are the player's where nothing else has the processors: one of three attempts has to meet them."""
+    for _ in range(2):
+        try:
+            return attempt()
+        except DisturbedError:
+            continue
+    return attempt()
+
+
 def test_the_bytes_of_the_recording_arrive_in_its_time_and_pass_after_pass(stereo_bag):
+    undisturbed(lambda: check_bytes_and_times(stereo_bag))
+
+
+def check_bytes_and_times(stereo_bag):
     with AnyReader([stereo_bag]) as reader:
         recorded = [(connection.topic, bytes(data)) for connection, _, data in reader.messages()]
     assert len(recorded) == 24
@@ -188,11 +211,15 @@ def test_the_bytes_of_the_recording_arrive_in_its_time_and_pass_after_pass(stere
             assert all(0 <= len(data) - len(one_pass[0]) < 4 for data in arrived)
         # One pass follows the other without a gap: 12 periods of 100 ms, but for what the machine adds.
         times = [moment for _, moment, _ in listener.of('/right/image_rect')]
-        assert times[-1] - times[0] == pytest.approx(11 * 0.1, abs=0.08)
-        assert np.median(np.diff(times)) == pytest.approx(0.1, abs=0.03)
+        in_time(times[-1] - times[0] == pytest.approx(11 * 0.1, abs=0.08))
+        in_time(np.median(np.diff(times)) == pytest.approx(0.1, abs=0.03))
 
 
 def test_the_clock_is_that_of_the_recording_and_jumps_back_with_a_loop(stereo_bag):
+    undisturbed(lambda: check_clock(stereo_bag))
+
+
+def check_clock(stereo_bag):
     with listening() as listener:
         listener.listen('/clock', Clock)
         listener.listen('/left/camera_info', CameraInfo)
@@ -200,7 +227,7 @@ def test_the_clock_is_that_of_the_recording_and_jumps_back_with_a_loop(stereo_ba
                                  '--rate', '0.5', '--wait-for-subscribers')
         assert (code, error) == (0, '')
         moments = [(moment, stamp_of(data)) for _, moment, data in listener.of('/clock')]
-        assert len(moments) > 80  # of 120
+        in_time(len(moments) > 80)  # of 120
         steps = np.diff([stamp for _, stamp in moments])
         assert (steps < 0).sum() == 1
         assert all(FIRST <= stamp <= FIRST + 6.5 * PERIOD for _, stamp in moments)
@@ -208,7 +235,7 @@ def test_the_clock_is_that_of_the_recording_and_jumps_back_with_a_loop(stereo_ba
         # A message comes when the clock shows the time it was recorded, within a tick and what the machine adds.
         for _, moment, data in listener.of('/left/camera_info'):
             shown = [stamp for when, stamp in moments if when <= moment][-1:]
-            assert not shown or abs(shown[0] - stamp_of(data) - 3e6) < 25e6 or shown[0] > FIRST + 5 * PERIOD
+            in_time(not shown or abs(shown[0] - stamp_of(data) - 3e6) < 25e6 or shown[0] > FIRST + 5 * PERIOD)
 
 
 def test_a_part_of_some_topics(stereo_bag):

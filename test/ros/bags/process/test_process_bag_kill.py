@@ -58,12 +58,12 @@ def test_after_ten_kills_the_bytes_are_those_of_an_uninterrupted_run(bag, start,
     output, partial = tmp_path / 'out', tmp_path / 'out.partial'
     for kill in range(KILLS):
         process = start(bag, output)
-        # At any moment: of the start, of the writing, and with the tenth still before the end.
-        goal = PAIRS * (kill + 1) / (KILLS + 2)
+        # At any moment: twice of the start, then of the writing, and with the tenth still before the end.
+        goal = PAIRS * (kill - 1) / KILLS
         end = time.monotonic() + 30
-        while process.is_alive() and kept and _disparities(partial) < goal and time.monotonic() < end:
+        while process.is_alive() and _disparities(partial) < goal and time.monotonic() < end:
             time.sleep(0.005)
-        time.sleep(chance.uniform(0, 0.05 if kept else 1.5))
+        time.sleep(chance.uniform(0, 0.05 if kill > 1 else 0.5))
         os.kill(process.pid, signal.SIGKILL)
         process.join()
         assert process.exitcode == -signal.SIGKILL
